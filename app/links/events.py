@@ -11,7 +11,7 @@ import logging
 from collections.abc import Sequence
 from functools import reduce
 
-from app.errors import DeviceException, LinkError
+from app.errors import GATEWAY, DeviceException, LinkError
 from app.links.bus_access import BusAccess
 from app.links.contract import Block
 from app.links.device_clock import DeviceClock
@@ -32,6 +32,9 @@ AGAIN = 1.0
 """Before events that were not taken are handed over again [s]."""
 ABSENT_TRIES = 5
 """How often a row is read that the head counts and that is not there, before it counts as lost."""
+
+NOT_NOW = (6, *GATEWAY)
+"""Refusals of an acknowledgement that is told again: the device is busy, or a gateway does not reach it."""
 
 
 class EventReader:
@@ -326,6 +329,8 @@ class EventReader:
         try:
             await self._bus.ask(job, Priority.WRITE)
         except DeviceException as error:
+            if error.code in NOT_NOW:
+                raise
             self._tell("acknowledgement refused link=%s unit=%d sequence=%d: %s", sequence, error)
         self._acknowledged = sequence
 

@@ -152,7 +152,10 @@ Fault = Callable[[bytes], str]
 
 
 class FaultyBus(Bus):
-    """Spoils the telegrams that `fault` names: `request` is lost, or `answer`, comes `late`, or a `gateway` says that it did not come."""
+    """Spoils the telegrams that `fault` names.
+
+    `request` is lost, or `answer`, or comes `late`; a `gateway` says that it did not come; the device is `busy`.
+    """
 
     def __init__(self, device: SmallPlc) -> None:
         super().__init__({1: device})
@@ -168,6 +171,8 @@ class FaultyBus(Bus):
         self.spoiled += 1
         if kind == "request":
             return Answer(unit, None)
+        if kind == "busy":
+            return Answer(unit, exception_answer(pdu[0], 6))
         said = super().answer(unit, pdu)
         if kind == "answer":
             return Answer(unit, None)

@@ -15,7 +15,7 @@ from app.registers import plc_map
 from app.registers.plc_map import long_words
 from app.sim.plc import EVENT_CAPACITY
 from tests.links.devices import Line, until
-from tests.links.plc_devices import KINDS, FaultyBus, SmallPlc, plant, small
+from tests.links.plc_devices import KINDS, FaultyBus, SmallPlc, once, plant, small
 from tests.virtual import loop_clock
 
 
@@ -181,6 +181,17 @@ async def test_events_that_nobody_took_come_again_and_are_not_acknowledged(caplo
         await until(lambda: taker.codes == [1, 2])
         await until(lambda: acknowledged(device) == 2)
         assert any("events not taken" in message for message in caplog.messages)
+
+
+async def test_an_acknowledgement_that_met_a_busy_device_is_told_again_without_another_event() -> None:
+    """It waited for the next event: until then the device counted what was long stored as not fetched."""
+    device, taker = SmallPlc(), Taker()
+    async with followed(device, taker) as (line, bus):
+        await until(lambda: line.value("p.state") == 1)
+        bus.fault = once("busy", lambda pdu: pdu[0] == 16, times=2)
+        device.event(1)
+        await until(lambda: acknowledged(device) == 1, 5.0)
+        assert bus.spoiled == 2
 
 
 async def test_without_a_taker_nothing_is_read_and_nothing_acknowledged() -> None:
