@@ -57,12 +57,12 @@
   // ---- message line ---------------------------------------------------------------------------------------------
   const SYMBOLS = { error: "i-warn", done: "i-check", info: "i-info" };
 
-  /** Say `text` in the message line; kind is error, done or info. */
-  function say(text, kind = "info") {
+  /** Say `text`, which may be nothing, in the message line; kind is error, done or info. */
+  function say(text, kind = "info", time = document.querySelector("[data-clock]").textContent) {
     const symbol = line.querySelector("use"), sprite = symbol.getAttribute("href").split("#")[0];
     symbol.setAttribute("href", `${sprite}#${SYMBOLS[kind]}`);
-    line.querySelector("svg").removeAttribute("hidden");
-    line.querySelector("time").textContent = document.querySelector("[data-clock]").textContent;
+    line.querySelector("svg").toggleAttribute("hidden", !text);
+    line.querySelector("time").textContent = text && time;
     line.querySelector("span").textContent = text;
     line.dataset.kind = kind;
   }
@@ -134,9 +134,22 @@
   [...document.querySelectorAll(".tabs [aria-current]")].pop()?.scrollIntoView({ block: "nearest", inline: "center" });
 
   // ---- search, help and the keys that lead somewhere ----------------------------------------------------------------
-  const over = (url) => import(body.dataset.palette)
-    .then(({ show }) => show(url === "/help" ? `/help?of=${encodeURIComponent(location.pathname)}` : url))
-    .catch(() => { say(line.dataset.network, "error"); });
+  let coming = null; // the keys since one of them was asked for: they are for what comes, and press nothing that is still behind it
+  const over = (url) => {
+    if (coming) return;
+    const keys = coming = [];
+    body.dataset.coming = "";
+    import(body.dataset.palette).then(({ show }) => show(url === "/help" ? `/help?of=${encodeURIComponent(location.pathname)}` : url, keys))
+      .catch(() => { say(line.dataset.network, "error"); }).finally(() => { coming = null; delete body.dataset.coming; });
+  };
+  addEventListener("keydown", (event) => {
+    const { key, ctrlKey, metaKey, altKey } = event;
+    if (!coming || body.dataset.live === "offline" || ctrlKey || metaKey || altKey || /^F\d/.test(key)) return;
+    coming.push(key);
+    if (key === "Escape") coming = null;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+  }, true);
   function point() { // the palette named an action: it is pressed here, by hand
     const wanted = location.hash.startsWith("#do-") && CSS.escape(location.hash.slice(4));
     if (wanted) for (const name of ["command", "hold", "setpoint"])
@@ -187,20 +200,12 @@
   // ---- offline: the message line says since when -------------------------------------------------------------------
   let before = null;
   document.addEventListener("pogon:live", ({ detail }) => {
-    const text = line.querySelector("span");
     if (detail === "offline") {
-      before = { text: text.textContent, kind: line.dataset.kind, time: line.querySelector("time").textContent };
+      before = { text: line.querySelector("span").textContent, kind: line.dataset.kind, time: line.querySelector("time").textContent };
       const since = new Date(Date.now() + ahead - 3000);
       say(line.dataset.stale.replace("{time}", form.format(since)), "error");
     } else if (before) {
-      if (before.text) {
-        say(before.text, before.kind);
-        line.querySelector("time").textContent = before.time;
-      } else {
-        text.textContent = line.querySelector("time").textContent = "";
-        line.querySelector("svg").setAttribute("hidden", "");
-        delete line.dataset.kind;
-      }
+      say(before.text, before.kind, before.time);
       before = null;
     }
   });

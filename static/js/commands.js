@@ -6,7 +6,7 @@ import { number } from "./format.js";
 const body = document.body, lang = body.dataset.lang;
 const ANSWER = 12000, STOP_ANSWER = 3000, LOCK = 500, EDIT = 60000, ASK = 30000;
 const offline = () => body.dataset.live === "offline";
-const say = (text, kind) => window.pogon.say(text, kind);
+const say = (...words) => window.pogon.say(...words);
 const roots = () => [...document.querySelectorAll("[data-operation]")];
 const rootOf = (element) => element.closest("[data-operation]") ?? document.querySelector(`[data-operation="${machineOf(element)}"]`) ?? document.querySelector("[data-operation]");
 export const textsOf = (element) => JSON.parse(rootOf(element)?.dataset.texts ?? "{}");
@@ -69,10 +69,8 @@ document.addEventListener("htmx:after:request", ({ detail: { ctx } }) => {
 
 /** Say `text` in the message line, to who hears the page, too. */
 export function told(text, kind, time) {
-  const place = document.getElementById("message");
-  place.setAttribute("role", kind === "error" ? "alert" : "status");
-  say(text, kind);
-  if (time) place.querySelector("time").textContent = time;
+  document.getElementById("message").role = kind === "error" ? "alert" : "status";
+  say(text, kind, time);
 }
 
 function hint(near, text) {
@@ -178,15 +176,6 @@ document.addEventListener("changed", ({ target }) => {
 }, true);
 
 document.addEventListener("pogon:live", ({ detail }) => {
-  for (const button of document.querySelectorAll("[data-set], [data-token], [data-offline-off]")) {
-    if (detail === "offline") {
-      button.before_ = button.getAttribute("aria-disabled");
-      button.setAttribute("aria-disabled", "true");
-    } else if (button.before_ !== undefined) {
-      button.before_ === null ? button.removeAttribute("aria-disabled") : button.setAttribute("aria-disabled", button.before_);
-      delete button.before_;
-    }
-  }
   if (detail === "live") for (const root of roots()) refresh(root);
 });
 
@@ -228,8 +217,18 @@ async function askFor(button) {
     if (!chosen) return told(button.dataset.needsRow, "error");
     url += `?${button.dataset.argument}=${chosen}`;
   }
+  const got = await over(url);
+  if (got !== undefined) got ? take(got, null) : told(textsOf(button).no_answer, "error");
+}
+
+/** The answer of `url`, which is going to stand over the page; undefined when something else is on its way there, as the second click of two is. */
+async function over(url) {
+  const place = document.getElementById("overlay");
+  if (place.ariaBusy) return;
+  place.ariaBusy = "true";
   const got = await answered(url, { limit: 5000 });
-  got ? take(got, null) : told(textsOf(button).no_answer, "error");
+  place.ariaBusy = null;
+  return got;
 }
 
 const pressing = new Set();
@@ -459,6 +458,7 @@ export function open(dialog) {
   const overlay = document.getElementById("overlay"), back = document.activeElement;
   const scrim = document.createElement("div");
   scrim.className = "scrim";
+  scrim.addEventListener("mousedown", (event) => { if (event.target === scrim) event.preventDefault(); }); // the focus stays in the dialog, which hears Escape
   scrim.append(dialog);
   const machine = dialog.dataset.operation ?? machineOf(dialog);
   const stop = !dialog.querySelector(".stop") && document.querySelector(machine ? `.stop[data-command^="${CSS.escape(machine)}."]` : ".zone .stop[data-command]");
@@ -494,7 +494,8 @@ function still() {
 
 /** Open the dialog that `url` answers; a click on `closing` shuts it. Gives the dialog and what closes it; null when there is none, which is said. */
 export async function fetchDialog(url, closing = "[data-close]", closed = () => {}) {
-  const got = await answered(url, { limit: 5000 }), inside = parsed(got?.text ?? ""), found = got?.ok && inside.querySelector("dialog");
+  const got = await over(url), inside = parsed(got?.text ?? ""), found = got?.ok && inside.querySelector("dialog");
+  if (got === undefined) return null;
   if (!found) {
     told(inside.querySelector("[data-message]")?.textContent.trim() || document.getElementById("message").dataset.network, "error");
     return null;

@@ -35,10 +35,8 @@ document.addEventListener("pointermove", (event) => {
 }, true);
 document.addEventListener("keyup", () => { if (hold?.key) release("released"); }, true);
 document.addEventListener("focusout", ({ target }) => { if (hold && target === hold.button) release("left"); });
-window.addEventListener("blur", () => release("left"));
-window.addEventListener("resize", () => release("hidden"));
-window.addEventListener("orientationchange", () => release("hidden"));
-window.addEventListener("pagehide", () => release("closed"));
+for (const [type, cause] of Object.entries({ blur: "left", resize: "hidden", orientationchange: "hidden", pagehide: "closed" }))
+  window.addEventListener(type, () => release(cause));
 document.addEventListener("freeze", () => release("hidden"));
 document.addEventListener("visibilitychange", () => { if (document.hidden) release("hidden"); });
 document.addEventListener("pogon:dialog", () => release("dialog"));

@@ -4,6 +4,7 @@ import { SPAN, badge, origin, page, server, state, texts, ways } from "./values.
 
 // Silent for 2 s is delayed; after 3 s the page looks disconnected, and the check itself may be late by 100 ms.
 const DELAYED = 2000, OFFLINE = 2900, MOVE = 100, TEXT = 200, PAUSES = [0, 250, 1000, 2000, 4000];
+const OURS = "[data-command], [data-hold], [data-set], [data-token], [data-offline-off]"; // what nobody can press without the server
 const body = document.body;
 const tags = new Map(); // name → what is known of the tag and what is bound to it
 let byHandle = new Map(), socket = null, rev = null, counted = null;
@@ -66,9 +67,7 @@ function redraw() {
   if (left) wake();
 }
 
-function wake() {
-  timer ||= setTimeout(redraw, Math.max(0, moved + MOVE - performance.now()));
-}
+const wake = () => { timer ||= setTimeout(redraw, Math.max(0, moved + MOVE - performance.now())); };
 
 /** Once a second: ages, samples and curves, and what was too small to draw at once. */
 function tick() {
@@ -96,9 +95,9 @@ function connection(next) {
   if (next === "offline") {
     for (const tag of tags.values())
       for (const { element } of tag.items) if (element.dataset.q) element.dataset.q = "stale";
-    for (const button of document.querySelectorAll("[data-command], [data-hold]")) refuse(button);
+    for (const button of document.querySelectorAll(OURS)) refuse(button);
   } else {
-    for (const button of document.querySelectorAll("[data-command], [data-hold]")) allow(button);
+    for (const button of document.querySelectorAll(OURS)) allow(button);
     for (const tag of tags.values()) Object.assign(tag, { move: tag.known, text: tag.known });
     for (const tag of tags.values()) if (tag.known) draw(tag, () => true);
   }

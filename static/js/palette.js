@@ -1,21 +1,26 @@
 // Search over everything: fetched when it is asked for. What is typed goes to the server by htmx; arrows choose, Enter goes there.
 // Both are about what was typed: until that is answered they wait, so that nobody is led to what an earlier letter found.
 import { fetchDialog } from "./commands.js";
+const STEPS = ["Enter", "ArrowDown", "ArrowUp"];
 let shown = null;
 
-/** Show what `url` answers over the page, once. */
-export async function show(url) {
+/** Show what `url` answers over the page, once; `typed` are the keys that were pressed before it came. */
+export async function show(url, typed = []) {
   if (shown) return;
   shown = {};
   shown = await fetchDialog(url, "[data-close], a[href]", () => { shown = null; });
   if (!shown) return;
-  const { dialog } = shown;
-  const waiting = [];
+  if (typed.includes("Escape")) return void shown.close();
+  const { dialog } = shown, waiting = [], input = dialog.querySelector("input");
+  const go = () => { while (waiting.length && !behind(dialog)) act(waiting.shift(), dialog); };
   dialog.addEventListener("keydown", (event) => { keys(event, dialog, waiting); });
-  dialog.addEventListener("htmx:after:swap", () => {
-    while (waiting.length && !behind(dialog)) act(waiting.shift(), dialog);
-  });
+  dialog.addEventListener("htmx:after:swap", go);
   for (const gone of ["htmx:response:error", "htmx:error", "input"]) dialog.addEventListener(gone, () => { waiting.length = 0; });
+  if (!input || !typed.length) return;
+  for (const key of typed) input.value = key === "Backspace" ? input.value.slice(0, -1) : input.value + (key.length === 1 ? key : "");
+  input.dispatchEvent(new Event("input", { bubbles: true }));
+  waiting.push(...typed.filter((key) => STEPS.includes(key)));
+  go();
 }
 
 /** What is found is not yet what was typed. */
@@ -26,9 +31,8 @@ function behind(dialog) {
 
 function keys(event, dialog, waiting) {
   const { key, target } = event;
-  if ((key === "Enter" && target.matches("input")) || key === "ArrowDown" || key === "ArrowUp") {
-    if (behind(dialog)) waiting.push(key); else if (!act(key, dialog)) return;
-  } else return;
+  if (!STEPS.includes(key) || (key === "Enter" && !target.matches("input"))) return;
+  if (behind(dialog)) waiting.push(key); else if (!act(key, dialog)) return;
   event.preventDefault();
   event.stopPropagation();
 }
@@ -37,13 +41,10 @@ function keys(event, dialog, waiting) {
 function act(key, dialog) {
   const hits = [...dialog.querySelectorAll("[role=option]")], now = hits.findIndex((hit) => hit.ariaSelected === "true");
   if (!hits.length) return false;
-  if (key === "Enter") hits[now]?.click();
-  else choose(hits, (Math.max(now, 0) + (key === "ArrowDown" ? 1 : -1) + hits.length) % hits.length, dialog);
+  const next = hits[(Math.max(now, 0) + (key === "ArrowDown" ? 1 : -1) + hits.length) % hits.length];
+  if (key === "Enter") { hits[now]?.click(); return true; }
+  for (const hit of hits) hit.ariaSelected = String(hit === next);
+  next.scrollIntoView({ block: "nearest" });
+  dialog.querySelector("input")?.setAttribute("aria-activedescendant", next.id);
   return true;
-}
-
-function choose(hits, next, dialog) {
-  hits.forEach((hit, index) => { hit.ariaSelected = String(index === next); });
-  hits[next].scrollIntoView({ block: "nearest" });
-  dialog.querySelector("input")?.setAttribute("aria-activedescendant", hits[next].id);
 }

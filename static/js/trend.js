@@ -175,10 +175,7 @@ function zoom(factor, around = null) {
   look(at - (at - from) * factor, at + (to - at) * factor);
 }
 
-function goLive() {
-  const length = state.span;
-  look(now() - length, now(), true);
-}
+const goLive = () => look(now() - state.span, now(), true);
 
 // ---- rulers and numbers ---------------------------------------------------------------------------------------
 
@@ -293,8 +290,7 @@ function pointers() {
     box?.remove();
     box = null;
   };
-  canvas.addEventListener("pointerup", end);
-  canvas.addEventListener("pointercancel", end);
+  for (const type of ["pointerup", "pointercancel"]) canvas.addEventListener(type, end);
   canvas.addEventListener("dblclick", () => { Object.assign(state, { a: null, b: null }); look(now() - 600e6, now(), true); });
   canvas.addEventListener("wheel", (event) => {
     if (!chart.plot) return;

@@ -441,6 +441,24 @@ def test_the_faceplate_opens_over_the_page_lives_and_gives_the_focus_back(sit: S
     assert page.evaluate("document.activeElement.hasAttribute('data-faceplate')")
 
 
+def test_two_clicks_open_one_dialog_and_a_press_beside_it_leaves_the_keys_with_it(sit: Sit) -> None:
+    page = sit("ana")
+    held: list[Route] = []
+    page.route("**/faceplate", lambda route: held.append(route))
+    page.dblclick("[data-faceplate]")
+    expect(page.locator(".waits")).to_be_visible()
+    for route in held:
+        route.continue_()
+    page.unroute_all()
+    dialog = page.locator("dialog.fp")
+    expect(dialog.locator("[data-close]")).to_be_focused()
+    expect(page.locator("#overlay dialog")).to_have_count(1)
+    page.mouse.click(5, 780)
+    page.keyboard.press("Escape")
+    expect(dialog).to_have_count(0)
+    assert page.evaluate("document.activeElement.hasAttribute('data-faceplate')")
+
+
 def test_parameters_are_edited_reviewed_and_written_with_a_result_per_row(sit: Sit) -> None:
     page = sit("ana", "/equipment/m2")
     take(page)

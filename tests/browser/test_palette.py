@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, Route, expect
 
 from tests.browser.looks import BOTH, SIZES
-from tests.browser.station import LANGUAGES, Sit, lay_out, serving, small, speak
+from tests.browser.station import LANGUAGES, Sit, lay_out, let_go, serving, small, speak, take
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/"
@@ -103,6 +103,45 @@ def test_keys_wait_until_what_was_typed_is_found_and_no_letter_is_lost(sit: Sit)
     expect(page).to_have_url(re.compile("/equipment/m1$"))
     held[1].continue_()
     expect(page).to_have_url(re.compile("/equipment/m2$"))
+
+
+def test_what_is_typed_before_it_came_presses_nothing_behind_it_and_is_looked_for(sit: Sit) -> None:
+    """On a slow line the focus is still on a button of the machine, which a blank or Enter would press."""
+    page = sit(path="/equipment/m1")
+    take(page)
+    sent: list[str] = []
+    page.on("request", lambda request: sent.append(request.url) if request.method == "POST" else None)
+    held = hold_back(page, "**/palette")
+    page.locator("[data-command='m1.stop']").focus()
+    page.keyboard.press("Control+k")
+    wait_for(page, held, 1)
+    expect(page.locator(".waits")).to_be_visible()
+    page.keyboard.type("fan 3")
+    page.keyboard.press("Backspace")
+    page.keyboard.type("2")
+    page.keyboard.press("Enter")
+    held[0].continue_()
+    expect(page).to_have_url(re.compile("/equipment/m2$"))
+    assert sent == []
+    page.unroute_all()
+    page.go_back()
+    let_go(page)
+
+
+def test_escape_before_it_came_gives_the_keys_back(sit: Sit) -> None:
+    page = sit(path="/equipment/m1")
+    held = hold_back(page, "**/palette")
+    page.keyboard.press("Control+k")
+    wait_for(page, held, 1)
+    page.keyboard.press("Escape")
+    page.keyboard.press("Tab")
+    expect(page.locator(".skip").first).to_be_focused()
+    held[0].continue_()
+    expect(page.locator("body[data-coming]")).to_have_count(0)
+    expect(page.locator(".pal")).to_have_count(0)
+    page.unroute_all()
+    page.keyboard.press("Control+k")
+    expect(page.locator("#pal-q")).to_be_focused()
 
 
 @pytest.mark.parametrize("lang", LANGUAGES)
