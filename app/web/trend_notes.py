@@ -1,8 +1,9 @@
 """Notes on trends: marks on the curves, listed beside them. Who is not signed in reads none: they may name somebody."""
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
@@ -11,6 +12,7 @@ from starlette.datastructures import QueryParams
 from app.errors import Refused, StorageError
 from app.historian.notes import LONGEST_NOTE, Note, Notes
 from app.web import format as fmt
+from app.web import typed_time
 from app.web.guard import allow, fields, person_of
 from app.web.language import language_of
 from app.web.pages import plant_of, view_of
@@ -45,11 +47,15 @@ class Sheet:
     machines: Sequence[tuple[str, str]]
     """Id and name of those that a note may be about."""
     time: str
-    """Of a new one, before anybody types: that of cursor A, else now when the curves are live, else the middle."""
+    """Of a new one: as it was typed when that was refused, else that of cursor A, else now when the curves are live, else the middle."""
     may_write: bool
     longest: int = LONGEST_NOTE
     problem: str = ""
     typed: str = ""
+    """Text and machine as they were typed and chosen when that was refused."""
+    chosen: str = ""
+    elsewhere: str = ""
+    """When a note was written that stands outside the range, which does not list it."""
 
 
 @router.get("/notes", dependencies=[allow("account")])
@@ -67,7 +73,7 @@ async def add(request: Request) -> Response:
         plant, machine = plant_of(request), given["machine"]
         if machine and machine not in plant.equipment:
             raise Refused("trend.error.note_machine", 422, machine=machine[:64])
-        time = typed_micros(given["time"], zone_of(request))
+        time = _moment(request, given["time"])
         await kept.add(person_of(request), time, machine, given["text"])
         return time
 
@@ -93,6 +99,19 @@ async def lines_for_export(request: Request, tags: Sequence[str], begin: int, en
     return []
 
 
+def _moment(request: Request, text: str) -> int:
+    """What the field for the time says [µs UTC]; who is refused reads how it is written in this field."""
+    view, zone = view_of(request), zone_of(request)
+    try:
+        return typed_micros(text, zone)
+    except Refused as error:
+        now = typed_form(view.runtime(request).clock.micros(), zone)
+        raise Refused(
+            "trend.error.typed_time", 422, value=text[: typed_time.LONGEST], form=view.text(request, "frame.time_form"),
+            example=typed_time.shown(now, language_of(request)),
+        ) from error  # fmt: skip
+
+
 def _notes(request: Request) -> Notes:
     runtime = view_of(request).runtime(request)
     return Notes(runtime.db, runtime.access.audit, runtime.clock)
@@ -105,10 +124,16 @@ async def _do(request: Request, given: dict[str, str], work: Callable[[Notes], A
         new = await work(_notes(request))
     except Refused as refused:
         problem = view_of(request).text(request, refused.reason, **refused.params)
-    return await _drawn(request, asked, problem, given.get("text", "") if problem else "", new)
+    return await _drawn(request, asked, problem, given if problem else {}, new)
 
 
-async def _drawn(request: Request, asked: QueryParams, problem: str = "", typed: str = "", new: int = 0) -> Response:
+async def _drawn(
+    request: Request,
+    asked: QueryParams,
+    problem: str = "",
+    typed: Mapping[str, str] = MappingProxyType({}),
+    new: int = 0,
+) -> Response:
     view, runtime, person = view_of(request), view_of(request).runtime(request), person_of(request)
     now, zone = runtime.clock.micros(), zone_of(request)
     begin, end = seen(asked, now, zone)
@@ -125,6 +150,8 @@ async def _drawn(request: Request, asked: QueryParams, problem: str = "", typed:
         for number, one in enumerate(await _notes(request).find(ids, begin, end), 1)
     ]  # fmt: skip
     sheet = Sheet(
-        lines, list(known.items()), typed_form(at, zone), person.may("annotate"), problem=problem, typed=typed
-    )
+        lines, list(known.items()), typed.get("time") or typed_form(at, zone), person.may("annotate"), problem=problem,
+        typed=typed.get("text", ""), chosen=typed.get("machine", ""),
+        elsewhere=fmt.date_time(new, zone, lang, now) if new and not begin <= new < end else "",
+    )  # fmt: skip
     return view.fragment(request, "fragments/trend_notes.html", notes=sheet)

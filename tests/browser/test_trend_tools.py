@@ -73,8 +73,9 @@ def test_a_view_is_kept_and_opened_again(sit: Sit) -> None:
     page.locator("[data-axis]").select_option("fit")
     menu(page, "Views")
     page.locator("#trend-views > form [name=name]").fill("Start of the fan")
-    page.locator("#trend-views > form button").click()
+    page.keyboard.press("Enter")
     link = page.locator("#trend-views a", has_text="Start of the fan")
+    expect(page.locator("#trend-views > form [name=name]")).to_be_focused()
     expect(link).to_have_attribute("href", re.compile(r"tags=m1\.speed,m1\.current&span=1h&axis=fit"))
     page.locator("[data-span='8h']").click()
     menu(page, "Views")
@@ -97,9 +98,10 @@ def test_a_note_is_a_flag_on_the_curves_and_a_line_in_the_list(sit: Sit) -> None
     page = ready(sit())
     menu(page, "Notes")
     page.locator("#trend-notes [name=text]").fill("Belt tightened")
-    page.locator(".t-note-new button").click()
+    page.keyboard.press("Enter")
     line = page.locator("#trend-notes li", has_text="Belt tightened")
     expect(line).to_contain_text("ivana")
+    expect(page.locator("#trend-notes [name=text]")).to_be_focused()
     flags = page.evaluate("() => document.querySelector('[data-canvas]').chart.notes")
     assert [flag["number"] for flag in flags] == ["1"]
     assert abs(flags[0]["at"] - time.time_ns() // 1000) < 60 * SECOND

@@ -14,6 +14,7 @@ from app.access.audit.search import Filter
 from app.historian import store
 from app.historian.notes import note_table
 from app.tags.quality import GOOD
+from app.web import typed_time
 from tests.migrated import differences
 from tests.web.people import Staff
 
@@ -97,6 +98,13 @@ def test_a_note_of_now_is_listed_though_the_chart_was_drawn_a_moment_before(staf
     assert "later" not in listed(write(staff, "later", "08.03.2026 08:01:30"))
 
 
+def test_a_note_outside_the_range_says_where_it_stands(staff: Staff) -> None:
+    answer = write(staff, "long ago", "01.02.2020 10:00")
+    assert "long ago" not in listed(answer)
+    assert "The note was written at 01/02/2020 10:00:00, outside the range on the screen." in answer.text
+    assert "outside the range" not in write(staff, "right now", "08.03.2026 08:00:30").text
+
+
 @pytest.mark.parametrize("time", ["01.01.0001 00:00", "02.01.0001 00:00", "9999-12-31T23:59-12:00"])
 def test_a_note_beyond_the_calendar_is_refused_in_words(staff: Staff, time: str) -> None:
     answer = write(staff, "Beyond", time)
@@ -143,7 +151,7 @@ def test_a_viewer_reads_notes_and_writes_none_and_a_guest_does_neither(staff: St
         ("x" * 301, "2026-03-08T07:10", "m1", "needs 1 to 300 characters"),
         ("a\u202eb", "2026-03-08T07:10", "m1", "needs 1 to 300 characters"),
         ("soon", "2999-03-09T07:10", "m1", "must not be in the future"),
-        ("when", "breakfast", "m1", "The time “breakfast” cannot be read"),
+        ("when", "breakfast", "m1", "The time “breakfast” cannot be read. Expected: dd/mm/yyyy hh:mm, for example "),
         ("where", "2026-03-08T07:10", "m9", "The machine “m9” is not in the plant"),
     ],
 )
@@ -152,7 +160,8 @@ def test_what_is_no_note_is_refused_in_words_and_stays_in_its_field(
 ) -> None:
     answer = write(staff, text, time, machine)
     assert words in told(answer)
-    assert f'value="{text}"' in answer.text
+    assert f'value="{text}"' in answer.text and f'value="{typed_time.shown(time, "en")}"' in answer.text
+    assert machine != "m1" or '<option value="m1" selected>' in answer.text
 
 
 def test_an_export_has_the_notes_of_its_time_before_the_values(staff: Staff) -> None:
