@@ -122,6 +122,7 @@
   });
   document.addEventListener("toggle", ({ target, newState }) => {
     if (newState === "open" && target.matches?.("details.drop")) for (const menu of menus()) if (menu !== target) menu.open = false;
+    if (newState === "open" && target.matches?.(".a-aside")) target.scrollIntoView({ block: "nearest" }); // what it opens is seen
   }, true);
   addEventListener("DOMContentLoaded", () => { for (const menu of menus()) menu.dispatchEvent(new ToggleEvent("toggle", { newState: "open" })); }); // opened before htmx began
 

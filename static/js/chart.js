@@ -415,6 +415,7 @@ export class Chart {
   names(plot) {
     const { bbox } = plot, ratio = uPlot.pxRatio, edge = bbox.left + bbox.width, bottom = bbox.top + bbox.height, labels = [];
     const room = (plot.width - 8) * ratio - edge, narrow = !this.mini && room < 40 * ratio, double = !narrow && !this.mini && this.shown().length * 33 * ratio < bbox.height;
+    const alone = new Set(this.shown().map((pen) => pen.machine)).size < 2; // then which machine it is tells nothing
     for (const pen of this.shown()) {
       const item = this.drawn(pen).findLast(({ at, last }) => at <= this.to && last !== null);
       if (!item || item.at < this.from) continue;
@@ -436,9 +437,10 @@ export class Chart {
       this.rule(plot, [to, y, to + 20 * ratio, y], { colour, width: 2, dash: DASHES[pen.number - 1] });
       this.marker(plot, pen, to + 10 * ratio, y);
       if (double && pen.machine) {
-        this.text(plot, this.fitted(pen.machine, most, 12), left, y - 8 * ratio);
-        this.text(plot, this.fitted(pen.label, most, 13, true), left, y + 7 * ratio, strong);
-      } else this.text(plot, this.fitted(pen.name, most, 13, true), left, y, strong);
+        const [over, under] = alone && pen.label.includes(": ") ? pen.label.split(/: (.*)/s) : [pen.machine, pen.label];
+        this.text(plot, this.fitted(over, most, 12), left, y - 8 * ratio);
+        this.text(plot, this.fitted(under, most, 13, true), left, y + 7 * ratio, strong);
+      } else this.text(plot, this.fitted(alone ? pen.label : pen.name, most, 13, true), left, y, strong);
     }
   }
 
@@ -500,9 +502,9 @@ export class Chart {
   /** Units over their axes, and which pens these are of when there are several: letters, or markers over the unit. */
   units(plot) {
     const ratio = uPlot.pxRatio, { top } = plot.bbox, several = this.scales().length > 1;
-    for (const axis of plot.axes.slice(1)) {
+    for (const [i, axis] of plot.axes.slice(1).entries()) {
       const pens = this.on(axis.scale), text = pens[0]?.unit || (pens.length === 1 ? pens[0].label : ""), right = (axis._pos - 6) * ratio, y = top - 12 * ratio;
-      const width = this.text(plot, this.fitted(text, Math.max(34, axis._pos - 8), 12), right, y, { align: "right" });
+      const width = this.text(plot, this.fitted(text, Math.max(34, axis._pos - (plot.axes[i + 2]?._pos ?? 0) - 8), 12), right, y, { align: "right" });
       if (this.mini) this.text(plot, pens.map((pen) => pen.letter).join(" "), right - 4 * ratio - width, y, { align: "right", colour: "--text", strong: true });
       else if (several) pens.slice(0, 3).forEach((pen, i) => this.marker(plot, pen, right - (4 + 12 * i) * ratio, top - 28 * ratio));
     }

@@ -495,9 +495,8 @@ function still() {
 /** Open the dialog that `url` answers; a click on `closing` shuts it. Gives the dialog and what closes it; null when there is none, which is said. */
 export async function fetchDialog(url, closing = "[data-close]", closed = () => {}) {
   const got = await over(url), inside = parsed(got?.text ?? ""), found = got?.ok && inside.querySelector("dialog");
-  if (got === undefined) return null;
   if (!found) {
-    told(inside.querySelector("[data-message]")?.textContent.trim() || document.getElementById("message").dataset.network, "error");
+    if (got !== undefined) told(inside.querySelector("[data-message]")?.textContent.trim() || document.getElementById("message").dataset.network, "error");
     return null;
   }
   const dialog = document.importNode(found, true), shut = open(dialog), close = () => { shut(); closed(); };

@@ -36,9 +36,7 @@ export function bind(root = document) {
   }
 }
 
-function draw(tag, wanted) {
-  for (const item of tag.items) if (!item.curve && wanted(item)) item.draw(item, tag);
-}
+const draw = (tag, wanted) => { for (const item of tag.items) if (!item.curve && wanted(item)) item.draw(item, tag); };
 
 function take(handle, value, quality) {
   const tag = byHandle.get(handle);

@@ -182,6 +182,7 @@ def test_an_alarm_is_shelved_with_a_reason_and_comes_back_unacknowledged(operato
     operator.go("/alarms")
     expect(page.locator("#alarm-detail h2")).to_have_text("Converter: overcurrent")
     page.locator(".a-aside > summary").first.click()
+    expect(page.locator("#alarm-detail [form=alarm-shelve][data-put]")).to_be_in_viewport(ratio=1)
     page.fill("#a-more-shelve", "The fan is replaced on Friday")
     page.locator("#alarm-detail [form=alarm-shelve][data-put]").click()
     expect(page.locator("#alarms")).to_contain_text("No active alarms", timeout=30_000)

@@ -1,5 +1,6 @@
 """The frame in a real browser: what htmx may not do, the message line, menus, sizes, and the looks of a lost connection."""
 
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Literal
@@ -238,6 +239,33 @@ def test_a_panel_without_tabs_has_a_menu_of_them(page: Page, server: PogonServer
         expect(link).to_be_in_viewport(ratio=1)
     page.click(".places a[href='/alarms']")
     expect(page).to_have_url(f"{server.url}/alarms")
+
+
+def test_where_one_is_can_be_read_however_long_the_name_of_the_plant_is(page: Page, server: PogonServer) -> None:
+    page.goto(f"{server.url}/equipment/m1/parameters")
+    page.locator(".crumbs > a span").first.evaluate(
+        "crumb => { crumb.textContent = 'A very long name of a plant '.repeat(6); }"
+    )
+    for width, height in SIZES.values():
+        page.set_viewport_size({"width": width, "height": height})
+        assert page.locator(".crumbs h1").evaluate("h1 => h1.scrollWidth <= h1.clientWidth"), width
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
+
+
+def test_a_curve_of_a_tile_is_pressed_where_it_is_seen_and_reached_nowhere_else(
+    page: Page, server: PogonServer
+) -> None:
+    page.goto(server.url)
+    for name, (width, height) in SIZES.items():
+        page.set_viewport_size({"width": width, "height": height})
+        curves = page.locator(".ov .spark-a:visible, .ov .spark-a:focus-within")
+        assert (curves.count() > 0) == (name == "panel"), name
+        assert page.locator(".ov .spark-a").evaluate_all(
+            "all => all.every((one) => !one.checkVisibility() || one.offsetHeight > 20)"
+        )
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.locator(".ov .spark-a").first.click()
+    expect(page).to_have_url(re.compile("/trends"))
 
 
 def test_a_plant_that_cannot_start_shows_each_mistake_whole(page: Page, tmp_path: Path) -> None:

@@ -257,3 +257,25 @@ def test_names_stand_beside_the_plot_and_none_on_another(sit: Sit) -> None:
     assert len(names) == 8 and all(x > placed["edge"] for x, _ in names)
     heights = sorted(y for _, y in names)
     assert all(b - a >= 15 for a, b in pairwise(heights))
+
+
+def test_pens_of_one_machine_are_told_apart_where_there_is_little_room(sit: Sit) -> None:
+    """Their names differ in the middle, which is what is left out; that all are of the same machine need not be said."""
+    page = ready(sit(path="/trends?tags=m1.speed,m1.current,m1.power,m1.voltage&span=1h"))
+    page.set_viewport_size({"width": 800, "height": 480})
+    written = page.evaluate(
+        """() => { const { chart } = document.querySelector('[data-canvas]'), out = [], { text } = chart;
+        chart.pens.forEach((pen, i) => {
+            pen.machine = "Kran 1";
+            pen.label = `Vitlo, pretvarač ${i % 2 + 1}: ${i < 2 ? "brzina" : "temperatura"} motora`;
+            pen.name = `${pen.machine} · ${pen.label}`;
+        });
+        chart.rebuild();
+        chart.text = function (to, words, x, y, how = {}) { out.push(words); return text.call(this, to, words, x, y, how); };
+        chart.names(chart.plot);
+        chart.text = text;
+        return out; }"""
+    )
+    told = list(zip(written[::2], written[1::2], strict=True))
+    parts = [("Vitlo, pretvarač 1", "Vitlo, pretvarač 2"), ("brzina motora", "temperatura motora")]
+    assert sorted(told) == [(drive, what) for drive in parts[0] for what in parts[1]]
