@@ -27,9 +27,9 @@ function hide() {
   delete document.body.dataset.keypad;
 }
 
-/** The keys that fit the field: digits with or without a fraction, a moment, letters or signs. */
+/** The keys that fit the field: digits with or without a fraction, a moment, letters, signs or, with ▲, the rarer ones. */
 function layout() {
-  if (kind === "text") return signs ? "signs" : "letters";
+  if (kind === "text") return !signs ? "letters" : upper ? "more" : "signs";
   if (field.classList.contains("moment")) return "moment";
   return field.dataset.mode === "numeric" || field.type === "number" ? "whole" : "number";
 }
@@ -66,7 +66,7 @@ place.addEventListener("click", ({ target }) => {
   if (sign === "×") return field.blur();
   if (sign === "✓") return enter();
   if (sign === "▲" || sign === "123" || sign === "abc") {
-    if (sign === "▲") upper = !upper; else signs = !signs;
+    if (sign === "▲") upper = !upper; else [signs, upper] = [!signs, false];
     return draw();
   }
   write(sign === "—" ? " " : sign);
@@ -78,7 +78,7 @@ function write(sign) {
   const { value, maxLength } = field, whole = field.type === "number"; // such a field tells no cursor
   let from = whole ? value.length : field.selectionStart, to = whole ? value.length : field.selectionEnd, put = sign;
   if (whole && field.fresh !== value && sign !== "←") from = 0; // the first digit takes the place of what was there
-  if (sign === "C") [from, to, put] = [0, value.length, ""];
+  if (sign === "C" && kind === "number") [from, to, put] = [0, value.length, ""];
   else if (sign === "±") [from, to, put] = /^[-−]/.test(value) ? [0, 1, ""] : [0, 0, "-"];
   else if (sign === "←") [from, put] = [from === to ? Math.max(0, from - 1) : from, ""];
   const next = value.slice(0, from) + put + value.slice(to);

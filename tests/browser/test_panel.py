@@ -73,6 +73,36 @@ def test_words_are_typed_in_the_letters_of_the_language(sit: Sit) -> None:
     expect(page).to_have_url(re.compile("/equipment/m2$"))
 
 
+def test_every_letter_and_sign_of_a_password_is_on_the_keys(sit: Sit) -> None:
+    """A panel has no other keyboard: who cannot type theirs cannot sign in. A capital C is a letter and clears nothing."""
+    page = sit(path="/equipment/m1?panel=1")
+    page.keyboard.press("Control+k")
+    expect(page.locator("#pal-q")).to_be_focused()
+    seen: set[str] = set()
+    for step in ("", "▲", "123", "▲"):
+        if step:
+            page.locator(f"#keypad [data-key='{step}']").click()
+        seen |= set(
+            page.locator("#keypad .kp-keys [data-key]").evaluate_all("all => all.map((one) => one.dataset.key)")
+        )
+    missing = set(map(chr, range(33, 127))) - seen
+    assert missing == set()
+    page.locator("#keypad [data-key='abc']").click()
+    page.fill("#pal-q", "")
+    tap(page, "ab▲Cd")
+    expect(page.locator("#pal-q")).to_have_value("abCd")
+    page.locator("#keypad [data-key='123']").click()
+    tap(page, "1▲$2")
+    expect(page.locator("#pal-q")).to_have_value("abCd1$2")
+    for width, height in ((1280, 800), (800, 480), (390, 844)):
+        page.set_viewport_size({"width": width, "height": height})
+        tap(page, "▲")
+        assert page.locator("#keypad").evaluate(
+            "keys => keys.scrollWidth <= keys.clientWidth && keys.getBoundingClientRect().bottom <= innerHeight"
+        )
+        tap(page, "▲")
+
+
 def test_it_holds_for_this_browser_until_it_is_ended_and_others_load_none_of_it(sit: Sit, server: PogonServer) -> None:
     asked: list[str] = []
     page = sit(path="/equipment/m1")
