@@ -23,7 +23,7 @@
         return false;
       }
       if (ctx.request.submitter?.ariaDisabled === "true") {
-        const why = ctx.request.submitter.title || element.querySelector("[data-why]")?.textContent.trim();
+        const why = ctx.request.submitter.title || element.querySelector("[data-why]")?.textContent.trim() || (body.dataset.live === "offline" && line.dataset.network);
         if (why) say(why, "error");
         return false;
       }

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, Route, expect
 
 from tests.browser.looks import BOTH, SIZES
-from tests.browser.station import LANGUAGES, Sit, lay_out, let_go, serving, small, speak, take
+from tests.browser.station import AXE, LANGUAGES, Sit, lay_out, let_go, serving, small, speak, take
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/"
@@ -126,6 +126,17 @@ def test_what_is_typed_before_it_came_presses_nothing_behind_it_and_is_looked_fo
     page.unroute_all()
     page.go_back()
     let_go(page)
+
+
+def test_axe_finds_nothing_where_nothing_is_found(sit: Sit) -> None:
+    page = sit(path="/equipment/m1", bypass_csp=True)
+    page.evaluate(AXE.read_text("utf-8"))
+    page.keyboard.press("Control+k")
+    for typed, text in (("fan", "Fan 1"), ("zzzz", "zzzz")):
+        page.fill("#pal-q", typed)
+        expect(page.locator("#pal-found")).to_contain_text(text)
+        found = page.evaluate("async () => (await axe.run('.pal', { runOnly: ['wcag2a', 'wcag2aa'] })).violations")
+        assert [(rule["id"], node["html"][:160]) for rule in found for node in rule["nodes"]] == [], typed
 
 
 def test_escape_before_it_came_gives_the_keys_back(sit: Sit) -> None:
