@@ -1,14 +1,15 @@
 // The alarm list: htmx fetches it again when the alarms change, but it never moves under a finger or a selection; durations count by themselves.
+import { forget, rows } from "./detail.js";
+
 const HELD = 500; // a row must have been there this long before it can be acknowledged [ms]
-const box = document.querySelector("[hx-target='#alarm-list']"), panel = document.getElementById("alarm-detail");
+const box = document.querySelector("[hx-target='#alarm-list']");
 const selected = document.getElementById("ack-selected"), visible = document.getElementById("ack-visible");
 const list = () => document.getElementById("alarm-list");
-const rows = () => [...(list()?.querySelectorAll("tr[data-row]") ?? [])];
 const ticked = () => rows().filter((row) => row.querySelector(".ck")?.checked);
 const visibles = () => document.querySelector("#alarm-visible select");
 const order = () => rows().map((row) => row.dataset.row).join();
 const seen = new Map(); // row → since when it can be seen
-let open = "", clock = 0, clockAt = 0, stood = order();
+let clock = 0, clockAt = 0, stood = order();
 
 // ---- time ------------------------------------------------------------------------------------------------------
 
@@ -82,12 +83,9 @@ document.addEventListener("htmx:after:swap", ({ target }) => {
   for (const row of rows()) {
     watcher.observe(row);
     if (!("unack" in row.dataset)) tick(row, false);
-    row.dataset.row === open ? row.setAttribute("aria-selected", "true") : row.removeAttribute("aria-selected");
   }
   setClock();
   offer();
-  if (open) renewDetail();
-  else if (rows()[0]) show(rows()[0].dataset.row);
 });
 
 // ---- what people do --------------------------------------------------------------------------------------------------
@@ -95,21 +93,6 @@ document.addEventListener("htmx:after:swap", ({ target }) => {
 function tick(row, on) {
   const box = row.querySelector(".ck");
   if (box) box.checked = on;
-}
-
-function show(occurrence) {
-  open = occurrence;
-  for (const row of rows()) row.dataset.row === open ? row.setAttribute("aria-selected", "true") : row.removeAttribute("aria-selected");
-  panel?.setAttribute("hx-get", `/alarms/detail/${open}`);
-  if (panel) window.htmx.trigger(panel, "again");
-}
-
-let drawnDetail = "";
-function renewDetail() {
-  const row = rows().find((one) => one.dataset.row === open && !one.classList.contains("a-gone"));
-  const now = row ? row.querySelector(".alm")?.dataset.state + row.querySelector(".a-st").textContent : "";
-  if (now && now !== drawnDetail) show(open);
-  drawnDetail = now;
 }
 
 // A row that one could not look at yet was not meant.
@@ -125,13 +108,12 @@ document.addEventListener("htmx:after:request", ({ target, detail: { ctx } }) =>
   if (!/^alarm-/.test(target.id) || !target.matches("form")) return;
   if (ctx.response.status < 400) {
     if (target.id === "alarm-form") for (const row of ticked()) tick(row, false);
-    if (!target.matches("[action='/alarms/acknowledge'], #alarm-reset")) drawnDetail = open = "";
+    if (!target.matches("[action='/alarms/acknowledge'], #alarm-reset")) forget();
   } else if (!target.matches("[action='/alarms/acknowledge']")) return;
   refresh();
 });
 
 document.addEventListener("click", ({ target }) => {
-  const row = target.closest("tr[data-row]");
   if (target.closest("#ack-visible")) {
     const wanted = inSight(), dialog = document.getElementById("ack-confirm"), question = dialog.querySelector("[data-question]");
     if (!wanted.length) return;
@@ -142,7 +124,7 @@ document.addEventListener("click", ({ target }) => {
   } else if (target.closest(".a-new")) {
     for (const one of rows()) tick(one, false);
     refresh();
-  } else if (row && !target.closest("input, a, button:not(.a-open)")) show(row.dataset.row);
+  }
 });
 document.addEventListener("close", ({ target }) => {
   if (target.id === "ack-confirm" && target.returnValue === "yes") visibles().form.requestSubmit();
@@ -158,6 +140,4 @@ if (list()) {
   for (const row of rows()) watcher.observe(row);
   setClock();
   setInterval(count, 1000);
-  const first = rows()[0];
-  if (first) addEventListener("DOMContentLoaded", () => show(first.dataset.row)); // htmx begins then, too
 }
