@@ -7,8 +7,7 @@ import { openRow } from "../js/commands.js";
 const JUMP = 60; // user units: further than any belt carries a product between two drawings
 const STATE = { LOST: 5 };
 const lang = document.body.dataset.lang;
-const usable = (tag) => tag && tag.state !== "bad" && tag.state !== "none" && typeof tag.value === "number";
-const valued = (tag) => (usable(tag) ? tag.value : null);
+const valued = (tag) => (tag && tag.state !== "bad" && tag.state !== "none" && typeof tag.value === "number" ? tag.value : null);
 const round = (value) => Math.round(value * 100) / 100;
 const move = (element, x, width) => {
   element.style.transform = `translate(${round(x)}px,0)`;
@@ -187,14 +186,6 @@ document.addEventListener("htmx:after:swap", () => { for (const line of lines) l
 document.addEventListener("click", ({ target }) => {
   const row = target.closest?.(".prods [data-product]");
   if (row) for (const line of lines) line.choose(+row.dataset.product === line.chosen && !target.closest("[data-row]") ? 0 : +row.dataset.product);
-});
-
-// ---- modes: which one it is comes from the machine ---------------------------------------------------------------------------------------
-
-document.addEventListener("tags", ({ target, detail }) => {
-  if (!target.classList?.contains("c-mode")) return;
-  const mode = valued(Object.values(detail)[0]);
-  [...target.children].forEach((button, index) => button.setAttribute("aria-pressed", String(mode === index + 1)));
 });
 
 // ---- hold-to-run of one belt or of all ----------------------------------------------------------------------------------------------------
