@@ -4,24 +4,14 @@
 
 const banner = document.getElementById("alarms");
 const GUARD = 500, SILENCE = 5 * 60e3, POLITE = 5000, KEY = "pogon.silence";
-const sprite = document.querySelector("svg use[href*='#']")?.getAttribute("href").split("#")[0] ?? "";
 let drawn = performance.now(); // when the banner's alarm last changed
 
 // ---- marks ----------------------------------------------------------------------------------------------------
 
-const SVG = "http://www.w3.org/2000/svg";
-
-function symbol(priority, state, look = "") {
-  const svg = document.createElementNS(SVG, "svg");
-  svg.setAttribute("class", `alm alm-${priority} ${look}`.trim());
-  svg.setAttribute("data-state", state);
-  svg.setAttribute("aria-hidden", "true");
-  for (const [name, kind] of [["halo", "halo"], ["", "alm"]]) {
-    const use = document.createElementNS(SVG, "use");
-    if (name) use.setAttribute("class", name);
-    use.setAttribute("href", `${sprite}#${kind}-${priority}`);
-    svg.append(use);
-  }
+function symbol(priority, state, look) {
+  const svg = document.getElementById("signs").content.querySelector(`.alm-${priority}`).cloneNode(true);
+  svg.dataset.state = state;
+  if (look) svg.classList.add(look);
   return svg;
 }
 
@@ -46,7 +36,7 @@ export function mark() {
     pointer.querySelector("path").toggleAttribute("hidden", Boolean(found));
     pointer.querySelector("path").setAttribute("display", found ? "none" : "inline");
     if (found) {
-      const sign = symbol(found[0], found[1]);
+      const sign = symbol(...found);
       for (const [name, value] of [["x", -8.5], ["y", -9], ["width", 17], ["height", 17]]) sign.setAttribute(name, value);
       pointer.append(sign);
     }
