@@ -33,41 +33,23 @@ function changes() {
   });
 }
 
-function element(name, look, text) {
-  const made = document.createElement(name);
-  if (look) made.className = look;
-  if (text !== undefined) made.textContent = text;
-  return made;
-}
-
-function arrow() {
-  const icon = document.querySelector("[data-write] ~ .hint svg").cloneNode(true), use = icon.querySelector("use");
-  use.setAttribute("href", use.getAttribute("href").replace(/#.*/, "#i-right"));
-  return icon;
+/** A change as a line of the review. */
+function line({ row, field, value, choice, out }) {
+  const { mark, name, unit, decimals, permitted, warning } = row.dataset, old = raw(row), item = $("change").content.firstElementChild.cloneNode(true);
+  const was = choice ? row.querySelector(".val b").textContent : old === null ? "–" : number(old, +decimals, lang);
+  const now = choice ? field.selectedOptions[0].textContent : field.value.trim();
+  const part = !choice && old && Number.isFinite(value) && `${value > old ? "+" : ""}${number((100 * (value - old)) / Math.abs(old), 0, lang)}\u00a0%`;
+  const texts = { mark, name, was, now, unit, part, out: out && form.dataset.out.replace("{permitted}", `${permitted} ${unit}`), warning };
+  for (const place of item.querySelectorAll("[data-of]")) place.textContent = texts[place.dataset.of] || "";
+  item.classList.add(out ? "rv-bad" : "rv-ok");
+  return item;
 }
 
 function review() {
   const found = changes();
-  list.replaceChildren(...found.map(({ row, field, value, choice, out }) => {
-    const data = row.dataset, item = element("li", `rv ${out ? "rv-bad" : "rv-ok"}`);
-    const head = element("div", "row"), line = element("div", "rv-v num"), old = raw(row);
-    head.append(element("span", "mono", data.mark), element("b", "", data.name));
-    const was = choice ? row.querySelector(".val b").textContent : old === null ? "–" : number(old, +data.decimals, lang);
-    const now = choice ? field.selectedOptions[0].textContent : field.value.trim();
-    line.append(element("span", "sp-c", was), arrow(), element("b", "sp-c", now), element("span", "unit", data.unit));
-    if (!choice && old && Number.isFinite(value)) line.append(element("span", "cap push", `${value > old ? "+" : ""}${number((100 * (value - old)) / Math.abs(old), 0, lang)}\u00a0%`));
-    item.append(head, line);
-    if (out) item.append(element("p", "cap row", form.dataset.out.replace("{permitted}", `${data.permitted} ${data.unit}`)));
-    if (data.warning) item.append(element("p", "cap warn", data.warning));
-    return item;
-  }));
-  for (const row of rows) row.classList.remove("chg");
-  for (const { row, field, out } of found) {
-    row.classList.add("chg");
-    field.classList.toggle("bad", out);
-    field.setAttribute("aria-invalid", String(out));
-  }
-  for (const field of document.querySelectorAll("[data-new]")) if (field.value.trim() === "") { field.classList.remove("bad"); field.removeAttribute("aria-invalid"); }
+  list.replaceChildren(...found.map(line));
+  for (const field of document.querySelectorAll("[data-new]")) field.removeAttribute("aria-invalid");
+  for (const { field, out } of found) field.setAttribute("aria-invalid", String(out));
   const count = found.length;
   $("count").textContent = count;
   $("n").textContent = count || "";
