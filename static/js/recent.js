@@ -7,20 +7,17 @@ const { lang, zone } = page;
 let heard = [0, 0];
 const now = () => heard[0] + (performance.now() - heard[1]) * 1000;
 
-/** What the history answers; an error when it does not. */
+/** What the history answers; null when it does not. */
 async function ask(path) {
   const answer = await answered(path, { limit: LIMIT });
-  if (!answer?.ok) throw new Error(path);
-  return JSON.parse(answer.text);
+  return answer?.ok ? JSON.parse(answer.text) : null;
 }
 
 /** Give the sparklines on the page their past. */
-export async function sparklines(root = document) {
-  const names = [...new Set([...root.querySelectorAll("[data-line]")].map((line) => line.dataset.tag))].slice(0, 200);
-  if (!names.length) return;
-  try {
-    document.dispatchEvent(new CustomEvent("pogon:past", { detail: await ask(`/trends/recent?tags=${names.join(",")}`) }));
-  } catch { /* the history is down: the curves grow from what arrives */ }
+async function sparklines() {
+  const names = [...new Set([...document.querySelectorAll("[data-line]")].map((line) => line.dataset.tag))].slice(0, 200);
+  const detail = names.length ? await ask(`/trends/recent?tags=${names.join(",")}`) : null; // the history is down: the curves grow from what arrives
+  if (detail) document.dispatchEvent(new CustomEvent("pogon:past", { detail }));
 }
 
 function panel(element, Chart) {
@@ -28,12 +25,9 @@ function panel(element, Chart) {
   const chart = new Chart(element, pens, { zone, lang, mini: true, texts: {} });
   const load = async () => {
     const width = Math.max(100, element.clientWidth - 60), to = Math.ceil(now());
-    try {
-      chart.take(await ask(`/history/series?tags=${pens.map((pen) => pen.tag).join(",")}&from=${to - SPAN}&to=${to}&width=${width}`));
-      element.dataset.state = "ready";
-    } catch {
-      element.dataset.state = "error";
-    }
+    const got = await ask(`/history/series?tags=${pens.map((pen) => pen.tag).join(",")}&from=${to - SPAN}&to=${to}&width=${width}`);
+    if (got) chart.take(got);
+    element.dataset.state = got ? "ready" : "error";
     draw();
   };
   const draw = () => {
@@ -45,7 +39,7 @@ function panel(element, Chart) {
   return load;
 }
 
-let panels = [];
+let panels = [], since = 0;
 
 /** The program that draws curves comes only to pages that have some. */
 async function begin() {
@@ -56,8 +50,11 @@ async function begin() {
   for (const load of panels) load();
 }
 
-const loadAll = () => { sparklines(); for (const load of panels) load(); };
-let since = 0;
+function loadAll() {
+  sparklines();
+  for (const load of panels) load();
+}
+
 document.addEventListener("pogon:frame", ({ detail }) => {
   const first = !heard[0], back = performance.now() - heard[1] > 3000;
   heard = [detail.time, performance.now()];
