@@ -27,6 +27,7 @@ from app.web.pages import view_of
 from app.web.points import PointView
 from app.web.screens import row_name
 from app.web.tables import ID, RowName, RowView, TableView
+from app.web.view import force_count
 
 router = APIRouter()
 
@@ -91,6 +92,13 @@ async def forces(request: Request) -> HTMLResponse:
 async def rows(request: Request) -> HTMLResponse:
     """The lists alone, after a change."""
     return view_of(request).fragment(request, "fragments/force_rows.html", groups=await _groups(request))
+
+
+@router.get("/forces/count", dependencies=[allow("view")])
+async def count(request: Request) -> HTMLResponse:
+    """How many there are, for the foot of every page."""
+    view = view_of(request)
+    return view.fragment(request, "fragments/force_count.html", text=force_count(view.runtime(request)))
 
 
 async def _groups(request: Request) -> list[Group]:

@@ -30,6 +30,7 @@ from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.said import in_words
 from app.plant.texts import Texts
 from app.running.page_tags import force_names
+from app.tags.quality import is_bad
 from app.web import format as fmt
 from app.web import typed_time
 from app.web.alarm_view import Drawing, marks_json
@@ -364,17 +365,13 @@ class View:
     def _counts(self, runtime: "Runtime", text: fmt.Text, diagnose: bool) -> list[dict[str, Any]]:
         tags = runtime.tags
         forces = [name for name in force_names(runtime.plant) if name in tags]
-        values = [tags.value(tags.handle(name)) for name in forces]
-        some = sum(int(value) for value in values if isinstance(value, int | float))
-        unknown = any(value is None for value in values)
         forced = {
             "symbol": "i-force",
             "label": text("forces.count"),
             "class": "f-force",
             "url": "/forces",
             "sum": " ".join(forces),
-            "text": f"{some or ''}?" if unknown else str(some),
-            "some": some > 0,
+            "text": force_count(runtime),
             "parts": [],
         }
         places = {"f-hidden": "/alarms?tab=hidden"} | ({"f-comm": "/communication"} if diagnose else {})
@@ -385,7 +382,6 @@ class View:
                 "class": look,
                 "url": places.get(look, ""),
                 "sum": "",
-                "some": False,
                 "parts": [
                     (name, "–" if tags.value(tags.handle(name)) is None else tags.value(tags.handle(name)))
                     for name in names
@@ -394,6 +390,13 @@ class View:
             for symbol, key, names, look in COUNTS
             if all(name in tags for name in names)
         ]
+
+
+def force_count(runtime: "Runtime") -> str:
+    """How many interventions stand in the plant as far as is known, with a ? while something is not."""
+    samples = [runtime.tags.sample(name) for name in force_names(runtime.plant) if name in runtime.tags]
+    known = [int(one.value) for one in samples if isinstance(one.value, int | float) and not is_bad(one.quality)]
+    return str(sum(known)) if len(known) == len(samples) else f"{sum(known) or ''}?"
 
 
 def panel_mode(request: Request) -> bool:

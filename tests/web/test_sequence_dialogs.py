@@ -162,6 +162,7 @@ def test_why_a_permissive_is_forced_is_what_was_said_with_the_force_that_stands(
     engineer.press("/equipment/seq2/command/force", **given, **proof, reason="sensor B3 wet")
     assert until(lambda: tags.sample("seq2.forces").value == 1)
     assert until(lambda: "sensor B3 wet" in engineer.get("/forces/list").text)
+    assert "<span data-some>1</span>" in engineer.get("/forces/count").text
     engineer.press("/equipment/seq2/command/force", **given, confirmed="1", password="wrong", reason="never happened")
     engineer.press(
         "/equipment/seq2/command/force", **given | {"arg_duration": "99999999"}, **proof, reason="never happened"
@@ -169,3 +170,4 @@ def test_why_a_permissive_is_forced_is_what_was_said_with_the_force_that_stands(
     page = engineer.get("/forces/list").text
     assert "sensor B3 wet" in page and "never happened" not in page
     assert until(lambda: tags.sample("seq2.forces").value == 0)
+    assert "<span>0</span>" in engineer.get("/forces/count").text

@@ -232,6 +232,7 @@ def test_nothing_is_said_to_be_unforced_that_no_device_told(plant: TestClient, e
     try:
         assert until(lambda: "forces not known" in engineer.get("/forces/list").text)
         assert "Nothing is forced" not in engineer.get("/forces/list").text
+        assert "?</span>" in engineer.get("/forces/count").text
     finally:
         engineer.post("/instructor/seq2/line", mode="0")
     assert until(lambda: "Nothing is forced" in engineer.get("/forces/list").text)
