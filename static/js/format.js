@@ -5,29 +5,15 @@ export const NO_VALUE = "----", NO_DATA_YET = "\u2013\u00a0\u2013";
 const mark = (lang) => (lang === "en" ? "." : ",");
 const pad = (whole, digits = 2) => String(whole).padStart(digits, "0");
 
+const forms = new Map();
+
 /** Fixed decimals, half a last digit away from zero on the shortest digits that name the number, never "−0". */
 export function number(value, decimals, lang) {
   if (!Number.isFinite(value)) return NO_VALUE;
-  const [mantissa, exponent] = Math.abs(value).toExponential().split("e");
-  const digits = mantissa.replace(".", "");
-  let point = Number(exponent) + 1; // digits before the decimal mark
-  let kept = [...digits];
-  const length = point + decimals; // digits that stay
-  if (length < kept.length) {
-    const up = length >= 0 && kept[length] >= "5";
-    kept = kept.slice(0, Math.max(0, length));
-    if (up) {
-      let i = kept.length - 1;
-      while (i >= 0 && kept[i] === "9") kept[i--] = "0";
-      if (i >= 0) kept[i] = String(Number(kept[i]) + 1);
-      else { kept.unshift("1"); point += 1; }
-    }
-  }
-  while (kept.length < point + decimals) kept.push("0");
-  if (point < 1) { kept = [..."0".repeat(1 - point), ...kept]; point = 1; }
-  const whole = kept.slice(0, point).join(""), rest = kept.slice(point, point + decimals).join("");
-  const sign = value < 0 && kept.some((digit) => digit !== "0") ? MINUS : "";
-  return sign + whole.replace(/\B(?=(\d{3})+$)/g, GROUP) + (rest ? mark(lang) + rest : "");
+  if (!forms.has(decimals))
+    forms.set(decimals, new Intl.NumberFormat("en", { minimumFractionDigits: decimals, maximumFractionDigits: decimals, signDisplay: "negative" }));
+  const signs = { ",": GROUP, ".": mark(lang), "-": MINUS };
+  return forms.get(decimals).format(String(value)).replace(/[,.-]/g, (sign) => signs[sign]); // as a text: its digits, not the nearest binary fraction
 }
 
 export const quantity = (value, decimals, unit, lang) =>
