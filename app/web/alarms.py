@@ -261,7 +261,6 @@ def _list(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
         "list_url": "/alarms/list?" + urlencode(query | {"page": page}),
         "list_revision": engine.list.revision,
         "list_news": engine.annunciations.count,
-        "list_now": _view(request).runtime(request).clock.micros(),
     }
 
 

@@ -92,7 +92,7 @@ async def trends(request: Request) -> Response:
         **wanted,
         "texts": {
             key: text(f"trend.{key}")
-            for key in ("ruler", "other", "no_picture", "no_data", "unavailable", "empty_range", "not_recorded", "clock_change", "quality",
+            for key in ("other", "no_picture", "no_data", "unavailable", "empty_range", "not_recorded", "clock_change", "quality",
                         "points", "chart", "paused")
         },
     }  # fmt: skip

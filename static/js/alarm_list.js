@@ -1,5 +1,6 @@
 // The alarm list: htmx fetches it again when the alarms change, but it never moves under a finger or a selection; durations count by themselves.
 import { forget, rows } from "./detail.js";
+import { now } from "./values.js";
 
 const HELD = 500; // a row must have been there this long before it can be acknowledged [ms]
 const box = document.querySelector("[hx-target='#alarm-list']");
@@ -7,9 +8,10 @@ const selected = document.getElementById("ack-selected"), visible = document.get
 const list = () => document.getElementById("alarm-list");
 const ticked = () => rows().filter((row) => row.querySelector(".ck")?.checked);
 const visibles = () => document.querySelector("#alarm-visible select");
+const untick = (which = "") => { for (const one of document.querySelectorAll(`.alist ${which} .ck:checked`)) one.checked = false; };
 const order = () => rows().map((row) => row.dataset.row).join();
 const seen = new Map(); // row → since when it can be seen
-let clock = 0, clockAt = 0, stood = order();
+let stood = order();
 
 // ---- time ------------------------------------------------------------------------------------------------------
 
@@ -23,16 +25,10 @@ function lasting(seconds) {
   return hours ? `${hours}:${pad(minutes)}:${pad(whole % 60)}` : `${pad(minutes)}:${pad(whole % 60)}`;
 }
 
-function setClock() {
-  clock = Number(list()?.dataset.now ?? 0);
-  clockAt = performance.now();
-}
-
 function count() {
   if (document.body.dataset.live === "offline") return;
-  const now = clock / 1e6 + (performance.now() - clockAt) / 1000;
   for (const cell of list()?.querySelectorAll("[data-since]") ?? []) {
-    const text = lasting(now - Number(cell.dataset.since) / 1e6);
+    const text = lasting((now() - Number(cell.dataset.since)) / 1e6);
     if (cell.textContent !== text) cell.textContent = text;
   }
 }
@@ -72,7 +68,6 @@ document.addEventListener("htmx:before:swap", ({ target, detail: { tasks } }) =>
   const bar = still.querySelector(".a-new");
   bar.hidden = !coming.size;
   bar.textContent = bar.dataset.new.replace("{n}", coming.size);
-  still.dataset.now = fresh.dataset.now;
   fresh.replaceWith(still);
 });
 
@@ -80,20 +75,12 @@ document.addEventListener("htmx:after:swap", ({ target }) => {
   if (target !== box) return;
   if (stood !== (stood = order())) for (const row of seen.keys()) seen.set(row, performance.now()); // another row may stand where one looks
   for (const row of seen.keys()) if (!row.isConnected) seen.delete(row);
-  for (const row of rows()) {
-    watcher.observe(row);
-    if (!("unack" in row.dataset)) tick(row, false);
-  }
-  setClock();
+  for (const row of rows()) watcher.observe(row);
+  untick("tr:not([data-unack])");
   offer();
 });
 
 // ---- what people do --------------------------------------------------------------------------------------------------
-
-function tick(row, on) {
-  const box = row.querySelector(".ck");
-  if (box) box.checked = on;
-}
 
 // A row that one could not look at yet was not meant.
 document.addEventListener("submit", (event) => {
@@ -107,7 +94,7 @@ document.addEventListener("submit", (event) => {
 document.addEventListener("htmx:after:request", ({ target, detail: { ctx } }) => {
   if (!/^alarm-/.test(target.id) || !target.matches("form")) return;
   if (ctx.response.status < 400) {
-    if (target.id === "alarm-form") for (const row of ticked()) tick(row, false);
+    if (target.id === "alarm-form") untick();
     if (!target.matches("[action='/alarms/acknowledge'], #alarm-reset")) forget();
   } else if (!target.matches("[action='/alarms/acknowledge']")) return;
   refresh();
@@ -122,7 +109,7 @@ document.addEventListener("click", ({ target }) => {
     dialog.returnValue = "";
     dialog.showModal();
   } else if (target.closest(".a-new")) {
-    for (const one of rows()) tick(one, false);
+    untick();
     refresh();
   }
 });
@@ -138,6 +125,5 @@ document.addEventListener("change", ({ target }) => {
 
 if (list()) {
   for (const row of rows()) watcher.observe(row);
-  setClock();
   setInterval(count, 1000);
 }

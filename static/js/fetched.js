@@ -2,11 +2,12 @@
 const csrf = () => document.querySelector("[name=csrf]")?.value ?? ""; // any token of this session is good
 
 /** The answer of `url` with all its text, null when nobody answers or it breaks off, which it may after the head came; `fields` are posted. */
-export async function answered(url, { fields, limit = 8000, keepalive = false } = {}) {
+export async function answered(url, { fields, limit = 8000, keepalive = false, signal = null } = {}) {
   const body = fields && new URLSearchParams(fields);
   body?.set("csrf", csrf());
   try {
-    const answer = await fetch(url, { method: body ? "POST" : "GET", body, keepalive, headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(limit) });
+    const late = AbortSignal.timeout(limit), ends = signal ? AbortSignal.any([signal, late]) : late;
+    const answer = await fetch(url, { method: body ? "POST" : "GET", body, keepalive, headers: { "HX-Request": "true" }, signal: ends });
     const { ok, status, headers, redirected } = answer;
     return { ok, status, headers, redirected, url: answer.url, text: await answer.text() };
   } catch {

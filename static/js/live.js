@@ -184,7 +184,7 @@ function receive(message) {
   counted = message.n;
   if (Math.abs(message.t - told) > 9e5) document.dispatchEvent(new CustomEvent("pogon:time", { detail: (told = message.t) }));
   server.time = message.t;
-  heard = performance.now();
+  heard = server.at = performance.now();
   tries = 0;
   for (const [handle, value, quality] of message.v) take(handle, value, quality);
   const changed = message.v.map(([handle]) => byHandle.get(handle)).filter(Boolean);

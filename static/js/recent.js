@@ -1,11 +1,10 @@
 // The last ten minutes of a page: what sparklines show before the page was opened, and the small trend of a machine. One request for all.
 import { answered } from "./fetched.js";
-import { page } from "./values.js";
+import { now, page } from "./values.js";
 
 const SPAN = 600e6, AGAIN = 60000, LIMIT = 15000;
 const { lang, zone } = page;
-let heard = [0, 0];
-const now = () => heard[0] + (performance.now() - heard[1]) * 1000;
+let heard = 0;
 
 /** What the history answers; null when it does not. */
 async function ask(path) {
@@ -24,7 +23,7 @@ function panel(element, Chart) {
   const pens = JSON.parse(element.dataset.panel);
   const chart = new Chart(element, pens, { zone, lang, mini: true, texts: {} });
   const load = async () => {
-    const width = Math.max(100, element.clientWidth - 60), to = Math.ceil(now());
+    const width = Math.max(100, element.clientWidth - 60), to = now();
     const got = await ask(`/history/series?tags=${pens.map((pen) => pen.tag).join(",")}&from=${to - SPAN}&to=${to}&width=${width}`);
     if (got) chart.take(got);
     element.dataset.state = got ? "ready" : "error";
@@ -55,11 +54,11 @@ function loadAll() {
   for (const load of panels) load();
 }
 
-document.addEventListener("pogon:frame", ({ detail }) => {
-  const first = !heard[0], back = performance.now() - heard[1] > 3000;
-  heard = [detail.time, performance.now()];
+document.addEventListener("pogon:frame", () => {
+  const first = !heard, back = performance.now() - heard > 3000;
+  heard = performance.now();
   if (first) begin();
   if (first || back || performance.now() - since > AGAIN) { since = performance.now(); loadAll(); }
 });
 document.addEventListener("pogon:drawn", () => sparklines());
-document.addEventListener("visibilitychange", () => { if (!document.hidden && heard[0]) loadAll(); });
+document.addEventListener("visibilitychange", () => { if (!document.hidden && heard) loadAll(); });

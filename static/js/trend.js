@@ -1,9 +1,9 @@
 // The page of trends: range, rulers, pens. Its address always is the view, so that it can be sent to somebody.
-import { parsed } from "./fetched.js";
+import { answered, parsed } from "./fetched.js";
 import { Chart } from "./chart.js";
 import * as format from "./format.js";
 import * as picture from "./trend_picture.js"; // with the page: pictures are taken without the server, too
-import { page } from "./values.js";
+import { now, page } from "./values.js";
 import * as time from "./time_axis.js";
 
 const holder = document.querySelector("[data-trend]");
@@ -22,9 +22,7 @@ const state = {
   live: begun.span !== null, span: begun.span === null ? begun.to - begun.from : begun.span * 1e6,
   from: begun.from, to: begun.to, selected: begun.selected, a: begun.a, b: begun.b, axis: begun.axis, paused: 0, under: begun.under === null ? 0 : begun.under * 1e6,
 };
-let heard = [begun.now, performance.now()], connected = false, missed = false;
-/** The server's clock [µs UTC]. */
-const now = () => Math.round(heard[0] + (performance.now() - heard[1]) * 1000);
+let connected = false, missed = false;
 const chart = canvas && new Chart(canvas, begun.pens, { zone, lang, texts });
 
 // ---- the address ----------------------------------------------------------------------------------------------
@@ -61,50 +59,41 @@ function remember() {
 
 // ---- fetching -------------------------------------------------------------------------------------------------
 
-async function fetched(path, signal) {
-  const answer = await fetch(path, { signal: AbortSignal.any([signal, AbortSignal.timeout(LIMIT)]), headers: { "HX-Request": "true" } });
-  if (answer.ok) return await answer.json();
-  const words = parsed(await answer.text()).querySelector("[data-message]")?.textContent.trim();
-  throw new Error(words || texts.unavailable, { cause: answer.status });
-}
-
 let asking = null, asked = 0, settle = 0;
 async function load() {
   asking?.abort();
   const mine = (asking = new AbortController());
   asked = performance.now();
   const [from, to] = view(), width = Math.min(4000, Math.max(100, Math.round(chart.plot?.over.clientWidth || canvas.clientWidth - 80)));
-  const range = `tags=${tags}&from=${Math.floor(from)}&to=${Math.ceil(to)}`;
-  try {
-    const [answer, other] = await Promise.all([
-      fetched(`/history/series?${range}&width=${width}`, mine.signal),
-      state.under ? fetched(`/history/series?tags=${tags}&from=${Math.floor(from - state.under)}&to=${Math.ceil(to - state.under)}&width=${width}`, mine.signal) : null,
-    ]);
-    chart.take(answer);
-    chart.under(other, state.under);
-    const known = answer.series.some((series) => series.first?.some((value) => value !== null));
-    const silent = answer.now - answer.alive > 15e6 && state.live;
-    tell(silent ? "note" : known || chart.pens.some((pen) => pen.fresh.some(({ at }) => at >= from && at <= now() && at <= to + 1e6)) ? "ready" : "empty",
-      silent ? texts.not_recorded.replace("{time}", format.momentOrTime(answer.alive, zone, lang, answer.now)) : texts.empty_range);
-    const columns = Math.max(0, ...answer.series.map((series) => series.time.length));
-    one("[data-points]").textContent = columns ? texts.points.replace("{n}", format.number(columns, 0, lang)) : "";
-    holder.dataset.loaded = String(Number(holder.dataset.loaded ?? 0) + 1);
-    draw();
-    holder.dispatchEvent(new Event("seen")); // numbers, alarms and notes are asked for by their own attributes
-  } catch (error) {
-    if (error.name !== "AbortError") tell("error", error.cause ? error.message : texts.unavailable);
+  const ask = (back) => answered(`/history/series?tags=${tags}&from=${Math.floor(from - back)}&to=${Math.ceil(to - back)}&width=${width}`,
+    { limit: LIMIT, signal: mine.signal });
+  const got = await Promise.all([ask(0), ...(state.under ? [ask(state.under)] : [])]);
+  if (mine.signal.aborted) return;
+  if (!got.every((one) => one?.ok)) {
+    const refused = got.find((one) => one && !one.ok), words = refused && parsed(refused.text).querySelector("[data-message]")?.textContent.trim();
+    return tell("error", words || texts.unavailable);
   }
+  const [answer, other = null] = got.map(({ text }) => JSON.parse(text));
+  chart.take(answer);
+  chart.under(other, state.under);
+  const known = answer.series.some((series) => series.first?.some((value) => value !== null));
+  const silent = answer.now - answer.alive > 15e6 && state.live;
+  tell(silent ? "note" : known || chart.pens.some((pen) => pen.fresh.some(({ at }) => at >= from && at <= now() && at <= to + 1e6)) ? "ready" : "empty",
+    silent ? texts.not_recorded.replace("{time}", format.momentOrTime(answer.alive, zone, lang, answer.now)) : texts.empty_range);
+  const columns = Math.max(0, ...answer.series.map((series) => series.time.length));
+  one("[data-points]").textContent = columns ? texts.points.replace("{n}", format.number(columns, 0, lang)) : "";
+  holder.dataset.loaded = String(Number(holder.dataset.loaded ?? 0) + 1);
+  draw();
+  holder.dispatchEvent(new Event("seen")); // numbers, alarms and notes are asked for by their own attributes
 }
 
 /** Flags are those of the list of notes, marks those of the list of alarms, however they came. */
 function annotations() {
-  const marked = () => {
+  document.addEventListener("htmx:after:swap", () => {
     chart.notes = all("[data-note]").map(({ dataset }) => ({ at: Number(dataset.at), number: dataset.note }));
     chart.marks = all("[data-alarm-marks] [data-mark]").map(({ dataset }) => ({ time: Number(dataset.at), priority: Number(dataset.mark) }));
     draw();
-  };
-  const what = { childList: true, subtree: true, attributes: true, attributeFilter: ["data-at", "data-mark", "data-note"] }; // a list may be changed in place
-  for (const place of all("[data-alarm-marks], [data-notes-place]")) new MutationObserver(marked).observe(place, what);
+  });
   one("[data-notes-place]")?.addEventListener("click", ({ target }) => {
     const at = Number(target.closest("[data-note-at]")?.dataset.noteAt);
     if (at) moveRuler("a", at);
@@ -179,15 +168,8 @@ const goLive = () => look(now() - state.span, now(), true);
 
 // ---- rulers and numbers ---------------------------------------------------------------------------------------
 
-const handles = {};
-
-function handle(name) {
-  if (handles[name]) return handles[name];
-  const button = document.createElement("button");
-  Object.assign(button, { type: "button", className: "t-ruler", textContent: name.toUpperCase() });
-  button.setAttribute("role", "slider");
-  button.setAttribute("aria-label", `${texts.ruler} ${name.toUpperCase()}`);
-  canvas.append(button);
+function handle(button) {
+  const name = button.dataset.ruler;
   button.addEventListener("pointerdown", (event) => {
     event.stopPropagation();
     button.setPointerCapture(event.pointerId);
@@ -203,7 +185,6 @@ function handle(name) {
     event.preventDefault();
     event.stopPropagation();
   });
-  return (handles[name] = button);
 }
 
 function moveRuler(name, at) {
@@ -223,10 +204,8 @@ function snapped(at) {
 function placeRulers() {
   const on = state.a !== null || state.b !== null;
   one("[data-rulers]").setAttribute("aria-pressed", String(on));
-  for (const name of ["a", "b"]) {
-    const at = state[name];
-    if (at === null && !handles[name]) continue;
-    const button = handle(name), { plot } = chart;
+  for (const button of all("[data-ruler]")) {
+    const at = state[button.dataset.ruler], { plot } = chart;
     button.hidden = at === null || !plot || at < chart.from || at > chart.to;
     if (button.hidden) continue;
     button.style.transform = `translateX(${plot.over.offsetLeft + plot.valToPos(at / 1e6, "x")}px)`;
@@ -381,8 +360,7 @@ function pictures() {
 function follow() {
   let due = 0;
   chart.follow(now);
-  document.addEventListener("pogon:frame", ({ detail }) => {
-    heard = [detail.time, performance.now()];
+  document.addEventListener("pogon:frame", () => {
     connected = true;
     if (missed) { missed = false; changed(); }  // what was stored meanwhile
   });
@@ -404,6 +382,7 @@ function follow() {
 }
 
 if (chart) {
+  all("[data-ruler]").forEach(handle);
   pointers();
   tools();
   pens();

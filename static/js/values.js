@@ -17,8 +17,10 @@ const SETTLE = 2000; // a change too small to draw at once is drawn after this [
 export const page = document.getElementById("live").dataset;
 export const texts = JSON.parse(page.texts);
 const { lang, zone } = page;
-/** What the server's clock said last [µs UTC]. */
-export const server = { time: 0 };
+/** What the server's clock said last [µs UTC], and when that was [ms of this page]. */
+export const server = { time: Number(document.querySelector("[data-clock]")?.dataset.now), at: performance.now() };
+/** What it says now [µs UTC]. */
+export const now = () => Math.round(server.time + (performance.now() - server.at) * 1000);
 
 const fill = (pattern, values) => pattern.replace(/\{(\w+)\}/g, (_, key) => values[key]);
 const tenth = (value) => Math.floor(value * 10 + 0.5) / 10;
@@ -46,7 +48,7 @@ function qualityWords(q) {
 function write(value, as, item) {
   if (as === "enum") return item.texts[value] ?? texts.unknown.replace("{value}", value);
   if (typeof value === "string" || as === "text") return String(value);
-  if (as === "time") return format.momentOrTime(value, zone, lang, server.time || Date.now() * 1000);
+  if (as === "time") return format.momentOrTime(value, zone, lang, server.time);
   if (as === "hex") return format.hexadecimal(value);
   if (as === "duration") return format.duration(value, lang);
   const number = format.number(value, item.decimals, lang);
