@@ -1,6 +1,7 @@
 // Alarms on every page: banner, sound, silence, announcements, marks on tabs, tiles and pointers. The list is alarm_list.js.
 //   #alarm-changes, #alarm-sound, #alarm-news   data-signal: told by static/js/values.js when their tag changes
-//   data-mark-of | data-mark-area | data-mark-part | data-mark-point   gets the symbol of the most important alarm of a machine, an area, a part, a point
+//   data-mark-of | data-mark-area | data-mark-part | data-mark-point | data-mark-pointer   gets the symbol of the most important alarm of a
+//                                 machine, an area, a part, a point (that on a pointer flashes)
 
 const banner = document.getElementById("alarms");
 const GUARD = 500, SILENCE = 5 * 60e3, POLITE = 5000, KEY = "pogon.silence";
@@ -20,27 +21,14 @@ export function mark() {
   const now = banner.querySelector("[data-marks]");
   if (!now) return;
   const marks = JSON.parse(now.dataset.marks);
-  for (const [name, still] of [["of", false], ["area", true], ["part", true], ["point", true]])
+  for (const [name, table, still] of [["of", "of"], ["area", "area", true], ["part", "part", true], ["point", "point", true], ["pointer", "point"]])
     for (const place of document.querySelectorAll(`[data-mark-${name}]`)) {
-      const found = marks[name][place.getAttribute(`data-mark-${name}`)];
+      const found = marks[table][place.getAttribute(`data-mark-${name}`)];
       const state = found && (still && found[1] === "unack" ? "ack" : found[1]), is = found ? `${found[0]}${state}` : "";
       if (place.dataset.mark === is) continue;
       place.dataset.mark = is;
       place.replaceChildren(...(found ? [symbol(found[0], state, place.dataset.look)] : []));
     }
-  for (const pointer of document.querySelectorAll(".mai-ptr[data-tag]")) {
-    const found = marks.point[pointer.dataset.tag], is = found ? `${found[0]}${found[1]}` : "";
-    if ((pointer.dataset.mark ?? "") === is) continue;
-    pointer.dataset.mark = is;
-    pointer.querySelector(".alm")?.remove();
-    pointer.querySelector("path").toggleAttribute("hidden", Boolean(found));
-    pointer.querySelector("path").setAttribute("display", found ? "none" : "inline");
-    if (found) {
-      const sign = symbol(...found);
-      for (const [name, value] of [["x", -8.5], ["y", -9], ["width", 17], ["height", 17]]) sign.setAttribute(name, value);
-      pointer.append(sign);
-    }
-  }
 }
 
 // ---- the banner -----------------------------------------------------------------------------------------------
