@@ -14,6 +14,12 @@ const move = (element, x, width) => {
   if (width !== undefined) element.style.width = `${round(width)}px`;
 };
 
+/** A slot of the table, empty as yet, with what is drawn of it. */
+function parts(group) {
+  const [body, dts, box, cross, text, alarm] = [".p-body", ".p-dts", ".p-box", ".p-x", ".p-id", ".p-alm"].map((part) => group.querySelector(part));
+  return { group, body, dts, box, cross, text, alarm, cells: {}, id: 0, edge: 0, backwards: false };
+}
+
 class Line {
   constructor(svg) {
     this.svg = svg;
@@ -22,9 +28,9 @@ class Line {
     this.start = +svg.dataset.start;
     this.ends = svg.dataset.ends.split(" ").map(Number);
     this.facts = {};
-    this.products = new Map();
+    this.products = new Map([...svg.querySelectorAll(".prod")].map((group) => [group, parts(group)]));
     this.chosen = 0;
-    this.waiting = false;
+    this.waiting = null;
     this.gap = svg.querySelector(".c-gap");
     svg.addEventListener("tags", ({ target, detail }) => {
       if (target === svg) this.facts = detail;
@@ -47,21 +53,12 @@ class Line {
   take(group, detail) {
     const cells = {};
     for (const [key, tag] of Object.entries(detail)) cells[(/\bmarking_/.test(key) ? "read" : "") + key.slice(key.lastIndexOf("_") + 1)] = tag;
-    let product = this.products.get(group);
-    if (!product) {
-      product = { group, id: 0, edge: 0, backwards: false };
-      for (const [name, part] of [["body", ".p-body"], ["dts", ".p-dts"], ["box", ".p-box"], ["cross", ".p-x"], ["text", ".p-id"], ["alarm", ".p-alm"]]) product[name] = group.querySelector(part);
-      this.products.set(group, product);
-    }
-    product.cells = cells;
-    product.changed = true;
+    this.products.get(group).cells = cells;
   }
 
   /** Once for all that changed in one go. */
   later() {
-    if (this.waiting) return;
-    this.waiting = true;
-    queueMicrotask(() => { this.waiting = false; this.draw(); });
+    this.waiting ??= Promise.resolve().then(() => { this.waiting = null; this.draw(); });
   }
 
   draw() {
@@ -92,10 +89,7 @@ class Line {
     }
     Object.assign(product, { id, edge, backwards, left, right: left + width, middle: left + width / 2 });
     const state = valued(cells.state) ?? 0;
-    if (group.dataset.state !== String(state) || fresh) {
-      group.dataset.state = String(state);
-      product.named = "";
-    }
+    group.dataset.state = String(state);
     this.name(product);
     group.dataset.q = cells.head.state === "good" ? cells.id.state : cells.head.state;
     group.classList.toggle("chosen", id === this.chosen);
