@@ -8,8 +8,7 @@ export async function answered(url, { fields, limit = 8000, keepalive = false, s
   try {
     const late = AbortSignal.timeout(limit), ends = signal ? AbortSignal.any([signal, late]) : late;
     const answer = await fetch(url, { method: body ? "POST" : "GET", body, keepalive, headers: { "HX-Request": "true" }, signal: ends });
-    const { ok, status, headers, redirected } = answer;
-    return { ok, status, headers, redirected, url: answer.url, text: await answer.text() };
+    return { ok: answer.ok, status: answer.status, headers: answer.headers, text: await answer.text() };
   } catch {
     return null;
   }

@@ -135,6 +135,7 @@ function draw() {
   edge.setAttribute("aria-pressed", String(state.live));
   if (!state.live && state.paused) one("[data-paused]").textContent = texts.paused.replace("{time}", format.age((performance.now() - state.paused) / 1000));
   for (const button of all("[data-span]")) button.setAttribute("aria-pressed", String(state.live && button.dataset.span === span()));
+  for (const button of all("[data-select]")) button.setAttribute("aria-pressed", String(button.closest("[data-pen]").dataset.pen === state.selected));
   canvas.setAttribute("aria-label", `${texts.chart}: ${chart.shown().map((pen) => pen.name).join(", ")}, ${one("[data-period]").textContent}`);
   placeRulers();
   remember();
@@ -317,18 +318,11 @@ function tools() {
 
 function pens() {
   one("[data-picker]").addEventListener("toggle", ({ target, newState }) => { if (newState === "open") target.querySelector("input").focus(); });
-  const mark = () => {
-    for (const row of all("[data-pen]")) {
-      row.querySelector("[data-select]").setAttribute("aria-pressed", String(row.dataset.pen === state.selected));
-      row.classList.toggle("off", !chart.pen(row.dataset.pen).on);
-    }
-  };
   for (const row of all("[data-pen]")) {
     const pen = chart.pen(row.dataset.pen);
-    row.querySelector(".ck").addEventListener("change", ({ target }) => { pen.on = target.checked; mark(); draw(); });
-    row.querySelector("[data-select]").addEventListener("click", () => { state.selected = pen.tag; mark(); draw(); });
+    row.querySelector(".ck").addEventListener("change", ({ target }) => { pen.on = target.checked; draw(); });
+    row.querySelector("[data-select]").addEventListener("click", () => { state.selected = pen.tag; draw(); });
   }
-  mark();
 }
 
 /** What is seen as a picture, with the numbers of the table. */
