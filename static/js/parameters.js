@@ -53,8 +53,6 @@ function review() {
   const count = found.length;
   $("count").textContent = count;
   $("n").textContent = count || "";
-  $("together").hidden = count < 2;
-  $("nothing").hidden = count > 0 || results.childElementCount > 0;
   $("submit").disabled = !count || found.some(({ out }) => out);
   $("discard").disabled = !count;
   count ? (form.dataset.dirty = "") : delete form.dataset.dirty;
@@ -111,18 +109,10 @@ form.addEventListener("submit", async (event) => {
 
 function filter() {
   const words = $("filter").value.toLocaleLowerCase(lang).split(/\s+/).filter(Boolean);
-  let shown = 0;
-  for (const part of document.querySelectorAll("tbody[data-group]")) {
-    let inside = 0;
-    for (const row of part.querySelectorAll("tr[data-key]")) {
-      const text = `${row.dataset.mark} ${row.dataset.name} ${row.querySelector(".val b").textContent}`.toLocaleLowerCase(lang);
-      row.hidden = (group !== "" && part.dataset.group !== group) || !words.every((word) => text.includes(word));
-      inside += !row.hidden;
-    }
-    part.hidden = !inside;
-    shown += inside;
+  for (const row of rows) {
+    const text = `${row.dataset.mark} ${row.dataset.name} ${row.querySelector(".val b").textContent}`.toLocaleLowerCase(lang);
+    row.hidden = (group !== "" && row.parentElement.dataset.group !== group) || !words.every((word) => text.includes(word));
   }
-  $("none").hidden = shown > 0;
 }
 
 document.addEventListener("click", (event) => {
