@@ -60,6 +60,26 @@ def test_an_alarm_comes_to_every_page_by_itself_and_is_acknowledged_there(operat
     expect(banner).to_contain_text("All alarms acknowledged: 1")
 
 
+def test_the_alarm_of_a_point_takes_the_place_of_its_pointer(operator: Operator) -> None:
+    page = operator.page
+    operator.go("/equipment/m2")
+    place = page.locator(".mai-ptr [data-mark-pointer]").first
+    mark = """(place, mark) => {
+        const banner = document.querySelector("[data-marks]").dataset, marks = JSON.parse(banner.marks);
+        marks.point = mark ? { [place.dataset.markPointer]: mark } : {};
+        banner.marks = JSON.stringify(marks);
+        document.dispatchEvent(new Event("pogon:drawn"));
+    }"""
+    arrow = place.locator("xpath=preceding-sibling::*[local-name()='path']")
+    expect(arrow).to_be_visible()
+    place.evaluate(mark, [2, "unack"])
+    expect(place.locator(".alm-2[data-state=unack]")).to_be_visible()
+    expect(arrow).to_be_hidden()
+    place.evaluate(mark, None)
+    expect(place.locator("svg")).to_have_count(0)
+    expect(arrow).to_be_visible()
+
+
 def test_a_press_right_after_the_banner_changed_was_meant_for_another_alarm(operator: Operator) -> None:
     page = operator.page
     operator.go("/")
