@@ -1,6 +1,5 @@
 """One axis of the coil car: positioned by an S-ramp, with a brake."""
 
-from dataclasses import replace
 from math import nan
 
 from app.blocks.s_ramp import SRamp
@@ -27,12 +26,12 @@ class Axis:
         """One scan `way` (+1 or −1) at up to `speed` [mm/s] without coming to a stop beyond `room` [mm]."""
         ramp = self.ramp
         if not self.braking or ramp.stop_distance() * way < room - MORE_ROOM:
-            trial = replace(ramp)
-            out = trial.step(way * speed, dt)
-            if ((ramp.speed + trial.speed) / 2 * dt + out.stop_distance) * way <= room:
-                ramp.speed, ramp.acceleration = trial.speed, trial.acceleration
+            before = ramp.speed, ramp.acceleration
+            out = ramp.step(way * speed, dt)
+            if ((before[0] + ramp.speed) / 2 * dt + out.stop_distance) * way <= room:
                 self.braking = False
                 return
+            ramp.speed, ramp.acceleration = before
         self.braking = True
         self.stop(dt)
 

@@ -5,42 +5,59 @@ from collections.abc import Mapping
 from app.sim.coil_car.interlock import InterlockedCar
 from app.sim.coil_car.register_map import CoilCarEvent
 
+SEEN = (
+    *("emergency_stop", "guard_1", "guard_2", "guard_3", "drive_1", "drive_2", "pump", "pressure", "oil"),
+    *("mandrel", "winding", "finished", "coil", "load", "saddle_1", "saddle_2", "saddle_3"),
+    *("hit", "limit_1", "limit_2", "limit_3", "limit_4"),
+)
+"""What is looked at in every scan."""
+
 
 class Edges:
     """What was seen of one line in the last scan."""
 
     def __init__(self, car: InterlockedCar) -> None:
         self._car = car
-        self._seen: dict[str, float] = {}
+        self._seen: tuple[float, ...] = ()
+        """A value for each of `SEEN`."""
 
     def take_stock(self) -> None:
         """What is so now is not news."""
-        machine = self._car.machine
-        self._seen = {
-            "emergency_stop": float(machine.emergency_stop),
-            **{f"guard_{n}": float(machine.guard(n)) for n in (1, 2, 3)},
-            "drive_1": float(machine.drive_ready(1)),
-            "drive_2": float(machine.drive_ready(2)),
-            "pump": float(machine.pump),
-            "pressure": float(machine.pressure >= self._car.values["least_pressure"]),
-            "oil": float(machine.oil >= self._car.values["least_oil_temperature"]),
-            "mandrel": float(machine.mandrel),
-            "winding": float(machine.winding),
-            "finished": float(machine.finished),
-            "coil": machine.coil,
-            "load": machine.load,
-            **{f"saddle_{n}": there for n, there in enumerate(machine.saddles, 1)},
-            "hit": float(machine.hit),
-            **{f"limit_{n}": float(self._car.interlock.plausible(n)) for n in (1, 2, 3, 4)},
-        }
+        machine, values, plausible = self._car.machine, self._car.values, self._car.interlock.plausible
+        self._seen = (
+            machine.emergency_stop,
+            machine.guard(1),
+            machine.guard(2),
+            machine.guard(3),
+            machine.drive_ready(1),
+            machine.drive_ready(2),
+            machine.pump,
+            machine.pressure >= values["least_pressure"],
+            machine.oil >= values["least_oil_temperature"],
+            machine.mandrel,
+            machine.winding,
+            machine.finished,
+            machine.coil,
+            machine.load,
+            *machine.saddles,
+            machine.hit,
+            plausible(1),
+            plausible(2),
+            plausible(3),
+            plausible(4),
+        )
 
     def look(self) -> None:
         """Tell what has changed since the last scan."""
-        before = self._seen
+        seen = self._seen
         self.take_stock()
-        now, machine = self._seen, self._car.machine
-        if now == before:
+        if self._seen == seen:
             return
+        before, now, machine = (
+            dict(zip(SEEN, seen, strict=True)),
+            dict(zip(SEEN, self._seen, strict=True)),
+            self._car.machine,
+        )
 
         def edge(name: str, rise: CoilCarEvent, fall: CoilCarEvent, source: int = 0, value: float = 0.0) -> None:
             if now[name] != before[name]:

@@ -226,7 +226,7 @@ class CoilCar:
 
     def guard(self, number: int) -> bool:
         """Whether guard `number`, from 1, is closed."""
-        return self.fault != GUARD + number and bool(self.held.get(f"guard_{number}", 1.0))
+        return self.fault != GUARD + number and (not self.held or bool(self.held.get(f"guard_{number}", 1.0)))
 
     @property
     def pump(self) -> bool:
@@ -245,13 +245,13 @@ class CoilCar:
 
     def limit_expected(self, number: int, margin: float) -> bool:
         """Whether the position lies `margin` inside the switch's range, or beyond [mm]."""
-        measures = self.geometry
-        return (
-            self.x <= LIMIT_X - margin,
-            self.x >= measures.travel - LIMIT_X + margin,
-            self.v >= measures.lift - LIMIT_V + margin,
-            self.v <= LIMIT_V - margin,
-        )[number - 1]
+        if number == 1:
+            return self.x <= LIMIT_X - margin
+        if number == 2:
+            return self.x >= self.geometry.travel - LIMIT_X + margin
+        if number == 3:
+            return self.v >= self.geometry.lift - LIMIT_V + margin
+        return self.v <= LIMIT_V - margin
 
     @property
     def mandrel(self) -> int:

@@ -36,7 +36,9 @@ class Permissives:
             tuple((one.bit, sentences.index(one.when)) for one in permissives if one.when) for permissives in words
         )
         self._names = tuple(dict.fromkeys(name for sentence in self._sentences for name in sorted(sentence.names)))
-        self._of_plant = bool(self._names) and not own(self._names)
+        self._own = tuple(own(self._names))
+        self._elsewhere = tuple(name for name in self._names if "." in name)
+        self._of_plant = bool(self._names) and not self._own
         """Whether it needs no machine of its own: its sentences ask the plant alone."""
         self._unnamed = tuple(ALL & ~sum(1 << one.bit for one in permissives) for permissives in words)
         self._value_of = {
@@ -157,12 +159,16 @@ class Permissives:
     def _decide(self) -> bool:
         """Decide what has to be; whether any sentence is decided otherwise than before."""
         before = self._signals
-        now = self._signals = {name: self._signal(name) for name in self._names}
+        signal = self.machine.signal if self.machine else self._signal
+        now = self._signals = {name: signal(name) for name in self._own}
+        for name in self._elsewhere:
+            now[name] = self._signal(name)
         if now == before and self._holds:
             return False
+        other = {name for name, value in now.items() if value != before.get(name)}
         changed = False
         for n, sentence in enumerate(self._sentences):
-            if n < len(self._holds) and all(now[name] == before.get(name) for name in sentence.names):
+            if n < len(self._holds) and other.isdisjoint(sentence.names):
                 continue
             holds = sentence.true(lambda name: _reading(now, name))
             if n < len(self._holds):
