@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from hashlib import sha256
+from operator import attrgetter
 from typing import Any
 
 from app.plant.definitions import Alarm, Equipment, EquipmentType, Link, Plant, Point
@@ -23,6 +24,9 @@ LONGEST_TABLE = 400
 """Of a table that one line shows [characters]."""
 PASSING = ("machine_runs", "sequence_runs")
 """Effects that are told of what runs now: they come and go, the change stays the same."""
+
+_plain = attrgetter(*(field.name for field in fields(Point) if field.name not in ("name", "id", "equipment")))
+"""Of a point all that a rename of its machine does not change by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,11 +301,6 @@ def _lent(old: Plant, item: Equipment) -> list[tuple[str, Mapping[str, str]]]:
 def _stem(item: Equipment) -> str:
     """First part of the lasting ids of its points: `m1`."""
     return ", ".join(sorted({point.id.partition(".")[0] for point in item.points.values()}))
-
-
-def _plain(point: Point) -> Point:
-    """`point` without what a rename of its machine changes by itself."""
-    return replace(point, name="", id="", equipment="")
 
 
 def _differs(one: object, other: object, key: str) -> bool:

@@ -149,10 +149,9 @@ class Machines:
             self._check_unit(table, item, line_of(links[item.link]))
         points = {point.key: point for point in self._own_points(table, data, item, overrides)}
         for key, slots in item.tables.items():
-            for cell in _cells(data.columns[key], data.type.tables[key], slots, item.options):
-                lasting = f"{item.was or item.id}.{cell.id}"
-                self._ids.setdefault(lasting, f"{item.id}.{cell.key}")
-                points[cell.key] = replace(cell, name=f"{item.id}.{cell.key}", id=lasting, equipment=item.id)
+            for cell in _cells(data.columns[key], data.type.tables[key], slots, item):
+                self._ids.setdefault(cell.id, cell.name)
+                points[cell.key] = cell
         self._points += len(points)
         self.found[item.id] = with_recipe(replace(item, points=points))
 
@@ -207,17 +206,17 @@ def _numbered(text: str, number: int) -> str:
     return text.replace("{n}", str(number)) if "{n}" in text else f"{text} {number}"
 
 
-def _cells(
-    columns: Mapping[str, PointData], map: TableMap, slots: int, options: Mapping[str, object]
-) -> Iterator[Point]:
-    """The cells of a table, slot by slot; their key and id lack only the machine."""
-    first = [_bounded(data, options) for data in columns.values()]
+def _cells(columns: Mapping[str, PointData], map: TableMap, slots: int, item: Equipment) -> Iterator[Point]:
+    """The cells of a table of `item`, slot by slot."""
+    first = [_bounded(data, item.options) for data in columns.values()]
+    former = item.was or item.id
     for slot in range(1, slots + 1):
         for point in first:
             assert point.register
             register = replace(point.register, address=point.register.address + (slot - 1) * map.row)
-            key, id = plc.cell_key(map.key, slot, point.key), plc.cell_key(map.key, slot, point.id)
-            yield replace(point, key=key, id=id, register=register, row=slot - 1)
+            key, id = plc.cell_key(map.key, slot, point.key), f"{former}.{plc.cell_key(map.key, slot, point.id)}"
+            name = f"{item.id}.{key}"
+            yield replace(point, name=name, id=id, equipment=item.id, key=key, register=register, row=slot - 1)
 
 
 def _bounded(data: PointData, options: Mapping[str, object]) -> Point:
