@@ -1,11 +1,11 @@
 """Equipment types: the folders of app/equipment, read once; each kind of file has its reader in plant/type_files.
 
-`device.toml` limits of the device, options of an instance, presets and checks of them (what one `expected`: a text, or one for each language); `points.toml` values; `setpoints.toml` parameters
-(each is a point too); `checks.toml` what must hold between them (`[key]` with `expression`); `ratings.toml` what a
-device says of itself against the options; `commands.toml`; `interlocks.toml` with
+`device.toml` limits of the device, options of an instance, presets and checks of them (what one `expected`: a text, or one for each
+language); `points.toml` values; `setpoints.toml` parameters (each is a point too); `checks.toml` what must hold between them (`[key]`
+with `expression`); `ratings.toml` what a device says of itself against the options; `commands.toml`; `interlocks.toml` with
 `[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `training.toml` (plant/training.py); `texts.<lang>.toml`; of a Pogon PLC also
-`tables.toml` and `events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py); of a drive `parameters.toml`, behind a
-mailbox (plant/drive_parameters.py) or as registers (plant/register_parameters.py).
+`tables.toml` and `events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py); of a drive `parameters.toml`, behind a mailbox
+(plant/drive_parameters.py) or as registers (plant/register_parameters.py).
 
 Of a type whose equipment runs a sequence, and of a machine that one may use, device.toml says:
 
