@@ -287,6 +287,15 @@ def test_a_page_sends_to_sign_in_and_back_a_fragment_and_the_api_say_401(staff: 
     assert "<html" not in fragment.text
 
 
+def test_a_form_that_is_sent_after_the_session_ended_leads_to_sign_in(staff: Staff) -> None:
+    """A list of people is no fragment: the page that answers is all that is left."""
+    staff.enter("boss", "admin")
+    staff.client.cookies.clear()
+    answer = staff.post("/users", {"name": "typed", "display": "Typed"})
+    assert answer.status_code == 401
+    assert '<a class="btn tap" href="/signin">' in answer.text
+
+
 def test_a_denial_is_written_down_once_a_minute(staff: Staff) -> None:
     staff.enter("curious", "operator")
     for _ in range(5):
