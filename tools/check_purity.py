@@ -9,6 +9,7 @@ where a socket, a terminal, a process or a browser is the subject (marked `real_
 import ast
 import sys
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -54,12 +55,11 @@ def impure_times(folder: str, allowed: Sequence[str]) -> Iterator[str]:
     real = {path for pattern in allowed for path in ROOT.glob(pattern)}
     for path in sorted(set(ROOT.glob(f"{folder}/**/*.py")) - real):
         tree = ast.parse(path.read_bytes(), str(path))
-        known = names_of(tree)
-        excused = {
-            id(inner) for node in tree.body if folder == "tests" and is_real(node, tree) for inner in ast.walk(node)
-        }
-        for node in ast.walk(tree):
-            if id(node) in excused or not isinstance(node, ast.Attribute | ast.Name | ast.Call):
+        nodes = [*ast.walk(tree)]
+        known = names_of(nodes)
+        excused = {id(inner) for node in real_parts(tree) for inner in ast.walk(node)} if folder == "tests" else set()
+        for node in nodes:
+            if not isinstance(node, ast.Attribute | ast.Name | ast.Call) or id(node) in excused:
                 continue
             name = full_name(node.func if isinstance(node, ast.Call) else node, known)
             seedless = isinstance(node, ast.Call) and name == "random.Random" and not node.args
@@ -68,10 +68,10 @@ def impure_times(folder: str, allowed: Sequence[str]) -> Iterator[str]:
                 yield f"{path.relative_to(ROOT)}:{node.lineno}: {name}, expected the injected clock, the loop or app.chance"
 
 
-def names_of(tree: ast.Module) -> dict[str, str]:
+def names_of(nodes: Sequence[ast.AST]) -> dict[str, str]:
     """What imported names stand for: `now` → `time.time` after `from time import time as now`."""
     known = dict[str, str]()
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Import):
             known |= {alias.asname or alias.name: alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and not node.level:
@@ -89,13 +89,14 @@ def full_name(node: ast.expr, known: dict[str, str]) -> str:
     return ""
 
 
-def is_real(node: ast.stmt, tree: ast.Module) -> bool:
-    """Whether a test, or the whole module, says that its subject is real; a helper of such a module's tests with it."""
-    marked = any(isinstance(one, ast.Assign) and _marks(one.value) for one in tree.body)
-    tests = [one for one in tree.body if isinstance(one, ast.FunctionDef | ast.AsyncFunctionDef)]
-    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name.startswith("test_"):
-        return marked or any(_marks(one) for one in node.decorator_list)
-    return marked or any(_marks(mark) for one in tests for mark in one.decorator_list)
+def real_parts(tree: ast.Module) -> list[ast.stmt]:
+    """Tests, or the whole module, that say that their subject is real; the helpers of such a module with them."""
+    functions = [one for one in tree.body if isinstance(one, ast.FunctionDef | ast.AsyncFunctionDef)]
+    marked = {id(one) for one in functions if any(_marks(mark) for mark in one.decorator_list)}
+    if any(isinstance(one, ast.Assign) and _marks(one.value) for one in tree.body):
+        return tree.body
+    plain = {id(one) for one in functions if one.name.startswith("test_")} - marked
+    return [one for one in tree.body if id(one) not in plain] if marked else []
 
 
 def _marks(node: ast.expr) -> bool:
@@ -113,15 +114,23 @@ def forbidden_roads(path: Path, seen: set[Path]) -> Iterator[list[str]]:
                 yield [name, *road]
 
 
-def imported(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_bytes(), str(path))):
+def imported(path: Path) -> tuple[str, ...]:
+    """What a file names in its imports."""
+    return _imported(path.relative_to(ROOT), path.read_bytes())
+
+
+@cache
+def _imported(path: Path, text: bytes) -> tuple[str, ...]:
+    """Of each file once: hundreds of roads lead through some."""
+    found: list[str] = []
+    for node in ast.walk(ast.parse(text, str(path))):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            package = path.relative_to(ROOT).with_suffix("").parts[: -node.level] if node.level else ()
+            package = path.with_suffix("").parts[: -node.level] if node.level else ()
             base = ".".join((*package, *([node.module] if node.module else [])))
-            yield base
-            yield from (f"{base}.{alias.name}" for alias in node.names if base.startswith("app"))
+            found += [base, *(f"{base}.{alias.name}" for alias in node.names if base.startswith("app"))]
+    return tuple(found)
 
 
 def source_of(name: str) -> Path | None:
