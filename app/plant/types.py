@@ -1,6 +1,6 @@
 """Equipment types: the folders of app/equipment, read once; each kind of file has its reader in plant/type_files.
 
-`device.toml` limits of the device, options of an instance, presets and checks of them (what one `expected`: a text, or one for each
+`device.toml` limits of the device, options of an instance, presets and checks of them (what one `expected` is a text, or one for each
 language); `points.toml` values; `setpoints.toml` parameters (each is a point too); `checks.toml` what must hold between them (`[key]`
 with `expression`); `ratings.toml` what a device says of itself against the options; `commands.toml`; `interlocks.toml` with
 `[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `training.toml` (plant/training.py); `texts.<lang>.toml`; of a Pogon PLC also
