@@ -11,7 +11,7 @@ const visibles = () => document.querySelector("#alarm-visible select");
 const untick = (which = "") => { for (const one of document.querySelectorAll(`.alist ${which} .ck:checked`)) one.checked = false; };
 const order = () => rows().map((row) => row.dataset.row).join();
 const seen = new Map(); // row → since when it can be seen
-let stood = order();
+let stood = order(), focused;
 
 // ---- time ------------------------------------------------------------------------------------------------------
 
@@ -57,6 +57,7 @@ const refresh = () => window.htmx.trigger(box, "again");
 /** While rows are ticked none of them moves: what is fresh takes their order, those that are over stay, and new ones wait. */
 document.addEventListener("htmx:before:swap", ({ target, detail: { tasks } }) => {
   const fresh = tasks[0]?.fragment.querySelector("#alarm-list");
+  if (target === box) focused = document.activeElement?.closest("tr[data-row]")?.dataset.row;
   if (target !== box || !fresh || !ticked().length) return;
   const still = list().cloneNode(true), coming = new Map([...fresh.querySelectorAll("tr[data-row]")].map((row) => [row.dataset.row, row]));
   for (const row of still.querySelectorAll("tr[data-row]")) {
@@ -78,6 +79,8 @@ document.addEventListener("htmx:after:swap", ({ target }) => {
   for (const row of rows()) watcher.observe(row);
   untick("tr:not([data-unack])");
   offer();
+  if (focused && document.activeElement === document.body) // what one pressed is gone: on with its row, or from the first
+    (list().querySelector(`[data-row="${CSS.escape(focused)}"] .a-open`) ?? list().querySelector(".a-open"))?.focus();
 });
 
 // ---- what people do --------------------------------------------------------------------------------------------------

@@ -127,6 +127,22 @@ def test_the_list_stays_still_while_something_is_chosen(operator: Operator) -> N
     expect(page.locator("tr[data-unack]")).to_have_count(0)
 
 
+def test_who_acknowledges_by_keyboard_stays_in_the_row(operator: Operator) -> None:
+    page = operator.page
+    operator.trip(1, 4)
+    operator.trip(2, 9)
+    operator.go("/alarms")
+    row = page.locator("tr[data-row][data-unack]").nth(1)
+    expect(row).to_be_visible()
+    number = row.get_attribute("data-row")
+    button = row.locator("[form=alarm-one], button:not(.a-open)").first
+    page.wait_for_timeout(700)  # a row that one could not look at yet is not meant
+    button.focus()
+    page.keyboard.press("Enter")
+    expect(page.locator(f"tr[data-row='{number}']:not([data-unack])")).to_have_count(1)
+    expect(page.locator(f"tr[data-row='{number}'] .a-open")).to_be_focused()
+
+
 def test_the_list_waits_while_a_press_may_become_a_click_and_no_longer(operator: Operator) -> None:
     page = operator.page
     operator.trip(1, 4)
