@@ -279,10 +279,11 @@ function current(element, answer, asks) {
 async function token(button) {
   if (pressing.has("token")) return;
   pressing.add("token");
-  button.ariaBusy = "true";
+  const part = button.closest(".token") ?? button; // which stays where it is, though what is in it is drawn anew
+  part.ariaBusy = "true";
   const got = await post(button.dataset.url, {});
   got ? take(got, null) : told(textsOf(button).no_answer, "error");
-  button.ariaBusy = null;
+  part.ariaBusy = null;
   pressing.delete("token");
 }
 
