@@ -297,7 +297,7 @@ class Greeter(asyncio.Protocol):
             pass
         finally:
             handshake.close()
-        if secure is None:
+        if secure is None or transport.is_closing():  # closed to make room: uvloop tells no error of that
             place.leave()
             transport.abort()
         else:

@@ -73,9 +73,10 @@ def serve(
     loop: Callable[[], asyncio.AbstractEventLoop],
     certificate: tuple[Path, Path],
     story: Callable[[int, Doors], Coroutine[Any, Any, None]],
+    **limits: int,
 ) -> None:
     """Have a server answer on `loop` while `story` (port, doors) is told on it, too: as long as that does not wait, nobody is served."""
-    app, doors = FastAPI(), Doors()
+    app, doors = FastAPI(), Doors(**limits)
     app.get("/")(lambda: PlainTextResponse("served"))
     context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
     context.load_cert_chain(*certificate)
@@ -93,6 +94,7 @@ def serve(
             server.should_exit = True
             await asyncio.wait_for(running, GUARD)
         assert len(doors) == 0
+        assert not server.server_state.connections
 
     with asyncio.Runner(loop_factory=loop) as runner:
         runner.run(run())
@@ -145,3 +147,23 @@ def test_who_speaks_something_else_or_nothing_is_let_go_and_the_next_one_served(
             await asyncio.sleep(0.01)
 
     serve(loop, certificate, story)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+@pytest.mark.parametrize("begun", [True, False])
+def test_who_is_closed_in_the_middle_of_shaking_hands_is_forgotten(
+    loop: Callable[[], asyncio.AbstractEventLoop], certificate: tuple[Path, Path], begun: bool
+) -> None:
+    async def story(port: int, doors: Doors) -> None:
+        slow = Client(port)
+        slow.line.sendall(slow.greeting()[: 200 if begun else 0])
+        while len(doors) < 1:  # noqa: ASYNC110 — nobody tells
+            await asyncio.sleep(0.01)
+        client = Client(port)
+        client.line.sendall(client.greeting())
+        assert b"200 OK" in await asyncio.to_thread(client.ask)
+        assert doors.dropped == 1
+        client.line.close()
+        slow.line.close()
+
+    serve(loop, certificate, story, per_address=1)
