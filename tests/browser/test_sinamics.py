@@ -2,10 +2,12 @@
 
 import re
 import shutil
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 
 import pytest
-from playwright.sync_api import Page, Route, expect
+from playwright.sync_api import Error, Page, Route, expect
 
 from app import bundled
 from tests.browser.looks import BOTH
@@ -128,6 +130,27 @@ def test_parameters_behind_the_mailbox_come_in_without_the_page_being_loaded_aga
     expect(row).to_have_text(re.compile(r"^\s*\d+\ss\s*$"), timeout=20_000)
     expect(page.locator(".dp-read progress")).to_have_count(0)
     assert page.evaluate("window.stayed") is True and page.locator("tr[data-code]").count() > 5
+
+
+def test_a_search_that_is_answered_late_does_not_take_the_reading_away(sit: Sit) -> None:
+    page = sit(path="/equipment/d2/drive-parameters")
+    row = page.locator("tr[data-code=p1120] td").nth(2)
+    page.locator("[data-row], tr[data-code]").first.wait_for()
+    held: list[Route] = []
+    page.route("**/drive-parameters?*q=ramp*", lambda route: held.append(route))
+    page.locator("input[type=search]").fill("ramp")
+    end = time.monotonic() + 30
+    while not held:
+        assert time.monotonic() < end
+        page.wait_for_timeout(50)
+    answer = held[0].fetch()  # as it was before the press
+    with page.expect_response("**/drive-parameters/read"):
+        page.locator(".dp-read button").click()
+    with suppress(Error):  # given up
+        held[0].fulfill(response=answer)
+    page.unroute_all()
+    expect(page.locator(".dp-read progress")).to_have_count(0, timeout=60_000)
+    expect(row).to_have_text(re.compile(r"^\s*\d+\ss\s*$"))
 
 
 def test_the_fault_buffer_is_read_on_a_press_and_by_itself_when_a_fault_comes(sit: Sit) -> None:
