@@ -48,7 +48,8 @@ class AlarmCounts:
         for one in self._list.active():
             active[one.priority] += 1
             unack[one.priority] += one.unacked
-            by[one.equipment or SYSTEM][one.priority] += 1
+            # of a machine that a reload took away: the system's, until it ends
+            by.get(one.equipment, by[SYSTEM])[one.priority] += 1
             if one.state in AUDIBLE and (not sound or one.priority < sound) and one.audible:
                 sound = one.priority
         values: dict[str, Value] = {
