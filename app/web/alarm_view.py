@@ -309,7 +309,8 @@ class Drawing:
         if not area:
             rows[SYSTEM] = (self._("alarm.system.name"), dict.fromkeys(PRIORITIES, 0))
         for one in active:
-            rows[(one.equipment if by_machine else one.area) if one.equipment else SYSTEM][1][one.priority] += 1
+            of = one.equipment if by_machine else one.area
+            rows[of if of in rows else SYSTEM][1][one.priority] += 1  # also of a machine that a reload took away
         newest = sorted(active, key=lambda one: -one.first_true)[: MOST_OF_AREA if area else 3]
         told = self.runtime.alarms.annunciations.times
         return {

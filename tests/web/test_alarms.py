@@ -463,3 +463,26 @@ def test_the_journal_is_narrowed_to_a_state_and_its_address_can_be_sent(hall: Ha
         found = set(re.findall(r'<td class="lab">[^<]* → ([^<]*)</td>', html))
         assert found == {"Active, acknowledged"}, session
         assert '<option value="ack" selected>' in html and "FILTERED" in html
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_an_alarm_of_a_machine_that_a_reload_took_away_is_listed_and_told(hall: Hall, lang: str) -> None:
+    hall.tell("left_changed", "gone", point="@set_frequency")
+    try:
+        occurrence = hall.one("sys.left_changed.gone").occurrence
+        for path in (
+            "/",
+            "/alarms",
+            "/alarms?tab=unack",
+            "/alarms?tab=journal",
+            "/alarms/statistics",
+            "/equipment/m1",
+            "/area/drives",
+            "/api/v1/alarms",
+        ):
+            assert "Traceback" not in hall.page(path, lang)
+        assert "gone" in hall.page("/alarms", lang)
+        assert "gone" in hall.page(f"/alarms/detail/{occurrence}", lang)
+    finally:
+        hall.tell("left_changed", "gone", False)
+        hall.calm()
