@@ -61,9 +61,7 @@ class Anchoring:
                 self._anchored, self._last_sign = self._last_anchor()
                 log.warning("torn audit anchor taken back file=%s", path)
             else:
-                append_line(
-                    path, ""
-                )  # whole, but for the end of its line; or broken, and the next one stands by itself
+                append_line(path, "")  # it is whole, or stays broken: the next one stands on a line of its own
         except MissingFile:
             pass
         except (OSError, ConfigurationError) as error:

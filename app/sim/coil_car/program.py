@@ -47,9 +47,8 @@ from app.sim.coil_car.register_map import (
     CoilCarEvent,
     Fault,
     Mode,
-    checked_settings,
 )
-from app.sim.plc import EVENT_CAPACITY, Image, Setting, Verdict
+from app.sim.plc import EVENT_CAPACITY, Image, Setting, Verdict, check_given
 
 
 class VirtualCoilCar(InterlockedCar):
@@ -94,7 +93,8 @@ class VirtualCoilCar(InterlockedCar):
                 raise ValueError(
                     not_as(f"{name} = {value:g}", said("mistake.from_to", low=f"{low:g}", high=f"{high:g}"))
                 )
-        given = checked_settings(dict(settings or {}))
+        given = dict(settings or {})
+        check_given(given, SETTINGS)
         self._start_in, self._coil_there = STARTS[start], coil
         self._growth, self._crane = growth, crane
         super().__init__(

@@ -56,7 +56,6 @@ from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from types import MappingProxyType
 
-from app.plant.said import any_of, not_as, said
 from app.sim.coil_car.machine import MEASURES
 from app.sim.plc import HEADER_PLACES, REASON_UNKNOWN, REASON_WRONG_STATE, RegisterPlace, Setting
 
@@ -338,26 +337,3 @@ SIGNALS: Sequence[str] = tuple(
 
 STARTS: Mapping[str, Mode] = MappingProxyType({"stopped": Mode.OFF, "automatic": Mode.AUTOMATIC, "manual": Mode.MANUAL})
 """Mode that a line may be switched on in for the first time."""
-
-
-def checked_settings(given: Mapping[str, float]) -> Mapping[str, float]:
-    """Initial setpoints by name.
-
-    Raises:
-        ValueError: no such setting, or a value outside its limits.
-    """
-    limits = {setting.name: setting for setting in SETTINGS}
-    for name, value in given.items():
-        if name not in limits:
-            raise ValueError(not_as(said("mistake.setting", name=name), any_of(limits)))
-        if not limits[name].low <= value <= limits[name].high:
-            raise ValueError(
-                said(
-                    "mistake.takes",
-                    what=name,
-                    low=f"{limits[name].low:g}",
-                    high=f"{limits[name].high:g}",
-                    value=f"{value:g}",
-                )
-            )
-    return given

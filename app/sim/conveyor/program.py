@@ -64,12 +64,11 @@ from app.sim.conveyor.register_map import (
     STATUS,
     TABLE,
     ConveyorEvent,
-    require_settings,
     words_of,
 )
 from app.sim.conveyor.scanner import Scanner
 from app.sim.conveyor.state import LineState
-from app.sim.plc import EVENT_CAPACITY, Image, Setting, Table, Verdict
+from app.sim.plc import EVENT_CAPACITY, Image, Setting, Table, Verdict, check_given
 
 
 class VirtualConveyor(LineState):
@@ -123,7 +122,7 @@ class VirtualConveyor(LineState):
         self._seed, self._start_in = seed, start
         self._beam_bits = tuple(1 << sensor for sensor in range(len(self.geometry.sensors)))
         given = dict(settings or {})
-        require_settings(given)
+        check_given(given, SETTINGS)
         self.table = Table(TABLE, ROW_WORDS, slots, lambda slot: images.row(self, slot))
         belts, sensors = self.geometry.belts, len(self.geometry.sensors)
         self.readings = Table(READINGS, READING_WORDS, slots, lambda slot: images.reading(self, slot))

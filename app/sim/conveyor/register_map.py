@@ -8,7 +8,6 @@ from enum import IntEnum
 from struct import Struct
 from types import MappingProxyType
 
-from app.plant.said import any_of, not_as, said
 from app.registers.plc_map import long_words, real
 from app.sim.conveyor.machine import FEW_BELTS, FEW_SENSORS
 from app.sim.plc import HEADER_PLACES, REASON_UNKNOWN, REASON_WRONG_STATE, RegisterPlace, Setting
@@ -349,28 +348,6 @@ MERGE_PLANS_IMAGE = Struct(">H" + 4 * "fHxxff" + "H")
 ORIGIN_IMAGE = Struct(">IHH6xH")
 GATES_IMAGE = Struct(">H" + 8 * "4H2I" + "H")
 GATE_PLANS_IMAGE = Struct(">H" + 8 * "fHxxff" + "H")
-
-
-def require_settings(given: Mapping[str, float]) -> None:
-    """Initial setpoints by name.
-
-    Raises:
-        ValueError: no such setting, or a value outside its limits.
-    """
-    limits = {setting.name: setting for setting in SETTINGS}
-    for name, value in given.items():
-        if name not in limits:
-            raise ValueError(not_as(said("mistake.setting", name=name), any_of(limits)))
-        if not limits[name].low <= value <= limits[name].high:
-            raise ValueError(
-                said(
-                    "mistake.takes",
-                    what=name,
-                    low=f"{limits[name].low:g}",
-                    high=f"{limits[name].high:g}",
-                    value=f"{value:g}",
-                )
-            )
 
 
 def words_of(id: int, second: int = 0, value: float = 0.0) -> tuple[int, ...]:

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from types import MappingProxyType
 
-from app.plant.said import any_of, not_as, said
 from app.sim.crane.figures import AXES as FIGURES
 from app.sim.plc import Setting
 
@@ -153,26 +152,3 @@ def _judged(values: Mapping[str, float], places: Places) -> Iterator[tuple[str, 
 
 
 NAMES: Sequence[str] = tuple(setting.name for setting in SETTINGS)
-LIMITS: Mapping[str, Setting] = MappingProxyType({setting.name: setting for setting in SETTINGS})
-
-
-def checked(given: Mapping[str, float]) -> Mapping[str, float]:
-    """Initial settings by name.
-
-    Raises:
-        ValueError: no such setting, or a value outside its limits.
-    """
-    for name, value in given.items():
-        if name not in LIMITS:
-            raise ValueError(not_as(said("mistake.setting", name=name), any_of(LIMITS)))
-        if not LIMITS[name].low <= value <= LIMITS[name].high:
-            raise ValueError(
-                said(
-                    "mistake.takes",
-                    what=name,
-                    low=f"{LIMITS[name].low:g}",
-                    high=f"{LIMITS[name].high:g}",
-                    value=f"{value:g}",
-                )
-            )
-    return given

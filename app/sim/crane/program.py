@@ -26,7 +26,7 @@ from app.sim import training
 from app.sim.crane import signals
 from app.sim.crane import training as own
 from app.sim.crane.commands import CommandedCrane
-from app.sim.crane.configuration import AXES, FIRST_STAND, SETTINGS, STANDS, Places, checked, faulty
+from app.sim.crane.configuration import AXES, FIRST_STAND, SETTINGS, STANDS, Places, faulty
 from app.sim.crane.edges import Edges
 from app.sim.crane.ladle import Load
 from app.sim.crane.orders import Orders
@@ -50,7 +50,7 @@ from app.sim.crane.register_map import (
 )
 from app.sim.crane.sequence import CraneSequence, Cycle
 from app.sim.crane.travel import Travel
-from app.sim.plc import EVENT_CAPACITY, Image, Setting, Verdict
+from app.sim.plc import EVENT_CAPACITY, Image, Setting, Verdict, check_given
 from app.sim.plc import rejected as no
 
 CIRCLE, BUSY, IDLE = 2, 4, 5
@@ -112,7 +112,8 @@ class VirtualCrane(CommandedCrane):
                 raise ValueError(
                     not_as(f"{name} = {value:g}", said("mistake.from_to", low=f"{low:g}", high=f"{high:g}"))
                 )
-        given = checked(dict(settings or {}))
+        given = dict(settings or {})
+        check_given(given, SETTINGS)
         initial = [Setting(s.name, given.get(s.name, s.default), s.low, s.high) for s in SETTINGS]
         if number := faulty({s.name: s.default for s in initial}, self.places):
             raise ValueError(

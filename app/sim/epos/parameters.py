@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from app.errors import ConfigurationError
-from app.plant.said import any_of, not_as, said
+from app.plant.said import said
+from app.sim.options import check_parameters
 
 DEFAULTS: Mapping[str, tuple[float, float, float]] = MappingProxyType(
     {
@@ -41,21 +42,8 @@ def commissioned(given: Mapping[str, float]) -> dict[str, float]:
         ConfigurationError: an unknown code, or a value out of its range.
     """
     values = {code: default for code, (default, _, _) in DEFAULTS.items()}
-    for code, value in given.items():
-        if code not in DEFAULTS:
-            raise ConfigurationError(not_as(said("mistake.parameter", code=code), any_of(DEFAULTS)))
-        _, low, high = DEFAULTS[code]
-        if not low <= value <= high:
-            raise ConfigurationError(
-                said(
-                    "mistake.takes",
-                    what=said("mistake.parameter", code=code),
-                    low=f"{low:.10g}",
-                    high=f"{high:.10g}",
-                    value=f"{value:.10g}",
-                )
-            )
-        values[code] = value
+    check_parameters(given, {code: limit[1:] for code, limit in DEFAULTS.items()})
+    values |= given
     if not values["p2580"] < values["p2581"]:
         raise ConfigurationError(
             said(

@@ -4,7 +4,7 @@ from app.sim.plc.areas import Image, Table
 from app.sim.plc.plc import VirtualPlc
 from app.sim.plc.register_place import HEADER_PLACES, RegisterPlace
 from app.sim.plc.ring import EVENT_CAPACITY
-from app.sim.plc.settings import Setting
+from app.sim.plc.settings import Setting, check_given
 from app.sim.plc.verdict import (
     REASON_COUNT,
     REASON_CRC,
@@ -29,5 +29,6 @@ __all__ = [
     "Table",
     "Verdict",
     "VirtualPlc",
+    "check_given",
     "rejected",
 ]

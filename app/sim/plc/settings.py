@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from struct import Struct, pack, unpack
 from zlib import crc32
 
+from app.plant.said import any_of, not_as, said
 from app.registers.plc_map import Request
 from app.sim.plc.verdict import REASON_COUNT, REASON_CRC, REASON_VALUE, Verdict, rejected
 
@@ -20,6 +21,21 @@ class Setting:
     default: float
     low: float
     high: float
+
+
+def check_given(given: Mapping[str, float], settings: Sequence[Setting]) -> None:
+    """Refuse initial values by name, other than of these `settings` and within their limits.
+
+    Raises:
+        ValueError: no such setting, or a value outside its limits.
+    """
+    known = {setting.name: setting for setting in settings}
+    for name, value in given.items():
+        if name not in known:
+            raise ValueError(not_as(said("mistake.setting", name=name), any_of(known)))
+        low, high = known[name].low, known[name].high
+        if not low <= value <= high:
+            raise ValueError(said("mistake.takes", what=name, low=f"{low:g}", high=f"{high:g}", value=f"{value:g}"))
 
 
 class Settings:

@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from app.errors import ConfigurationError
-from app.plant.said import any_of, not_as, said
+from app.sim.options import check_parameters
 from app.sim.sinamics.registers import REGISTERS
 
 DEFAULTS: Mapping[str, tuple[float, float, float]] = MappingProxyType(
@@ -38,21 +37,8 @@ def commissioned(rated_current: float, given: Mapping[str, float]) -> dict[str, 
     current = REGISTERS[40321]
     values["p0640"] = min(max(round(1.5 * rated_current, 1), current.low), current.high)
     limits = {code: limit[1:] for code, limit in DEFAULTS.items()} | {"p0640": (current.low, current.high)}
-    for code, value in given.items():
-        if code not in limits:
-            raise ConfigurationError(not_as(said("mistake.parameter", code=code), any_of(limits)))
-        low, high = limits[code]
-        if not low <= value <= high:
-            raise ConfigurationError(
-                said(
-                    "mistake.takes",
-                    what=said("mistake.parameter", code=code),
-                    low=f"{low:.10g}",
-                    high=f"{high:.10g}",
-                    value=f"{value:.10g}",
-                )
-            )
-        values[code] = value
+    check_parameters(given, limits)
+    values |= given
     if "p1082" not in given:
         values["p1082"] = values["p2000"]
     return values
