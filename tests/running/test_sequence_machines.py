@@ -188,16 +188,21 @@ async def test_an_axis_that_loses_its_enable_ends_the_order_and_the_sequence_say
         assert plant.failure and plant.failure[:2] == (1, "why.order_ended")
 
 
+async def taken_by_ana(plant: Hall, machine: str) -> None:
+    """Ana asks for the control of a machine, and nobody refuses in time."""
+    gate = plant.runtime.gate
+    assert gate
+    gate.control._rights = lambda person: person
+    gate.control.request(ANA, machine)
+    await asyncio.sleep(11)
+
+
 async def test_an_axis_that_a_person_sends_elsewhere_meanwhile_is_not_where_the_run_wanted_it(tmp_path: Path) -> None:
     work = file(step("power", "a1.enable"), step("there", "a1.move_to(target = 790, velocity = 600)"))
     async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
         await plant.started()
         await plant.until(lambda: ("move_absolute", "confirmed") in commands(plant, "a1"))
-        gate = plant.runtime.gate
-        assert gate
-        gate.control._rights = lambda person: person
-        gate.control.request(ANA, "a1")
-        await asyncio.sleep(11)
+        await taken_by_ana(plant, "a1")
         await by_ana(plant, "a1", "set_target", argument=550.0)
         await by_ana(plant, "a1", "set_velocity", argument=6000.0)
         await by_ana(plant, "a1", "move_absolute")
@@ -218,11 +223,7 @@ async def test_an_axis_that_a_person_gives_another_task_has_not_done_that_of_the
     async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
         await plant.started()
         await plant.until(lambda: ("move_absolute", "confirmed") in commands(plant, "a1"))
-        gate = plant.runtime.gate
-        assert gate
-        gate.control._rights = lambda person: person
-        gate.control.request(ANA, "a1")
-        await asyncio.sleep(11)
+        await taken_by_ana(plant, "a1")
         await by_ana(plant, "a1", "set_target", argument=-5.0)
         await by_ana(plant, "a1", command)
         await asyncio.sleep(10)
