@@ -11,7 +11,7 @@ from app.registers import plc_map
 from app.registers.codec import Value, decode
 from app.sim.crane import register_map as crane
 from app.sim.crane import training
-from app.sim.crane.configuration import LIMITS, PLACES, SETTINGS, Places, faulty
+from app.sim.crane.configuration import PLACES, SETTINGS, Places, faulty
 from app.sim.crane.program import STARTS, VirtualCrane
 
 _data, _problems = types.read_type("crane", LANGUAGES)
@@ -98,7 +98,7 @@ def test_the_checks_of_the_type_refuse_what_the_device_refuses() -> None:
     refused = 0
     for setting in SETTINGS:
         for part in (0.0, 0.02, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0):
-            given = setting.low + part * (LIMITS[setting.name].high - setting.low)
+            given = setting.low + part * (setting.high - setting.low)
             one, other = both({setting.name: given})
             assert one == other, f"{setting.name} = {given}"
             refused += not one
