@@ -9,6 +9,7 @@ address with the most of them is closed, so the newest connection always gets it
     idle        closed 5 s after an answer, 10 s after opening without a word
     answer      a reader that takes nothing of it for 60 s is let go
     in advance  at most 8 requests at a time on one connection
+    frames      20 a second and 100 at once of a socket, pings and pieces of messages included; who sends more is closed
 
 Everything here is O(1) per connection and event.
 """
@@ -26,6 +27,7 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.httptools_impl import STATUS_LINE, HttpToolsProtocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
+from websockets.frames import CloseCode
 
 from app.web.security import BODY_TIME, LARGEST_BODY
 
@@ -42,6 +44,10 @@ SLOWEST_READER = 60.0
 """A reader that takes nothing of an answer for so long is let go [s]."""
 MOST_AHEAD = 8
 """Requests sent before the answer to the first."""
+FRAMES, FRAMES_AT_ONCE = 20.0, 100.0
+"""Frames that a browser may send over a socket a second, and at once. Messages of our pages are one frame each and fewer (socket.py)."""
+PORTION = 1024
+"""A socket's bytes are looked at in portions [bytes]: the smallest frame has 6, and each costs some 20 µs."""
 MOST = 2000
 """Connections in all."""
 STRANGERS = 1200
@@ -475,7 +481,7 @@ class Connection(HttpToolsProtocol):
 
 
 class Socket(WebSocketsSansIOProtocol):
-    """A socket keeps the place of the connection that it was."""
+    """A socket keeps the place of the connection that it was, and takes so many frames."""
 
     def __init__(
         self,
@@ -488,8 +494,36 @@ class Socket(WebSocketsSansIOProtocol):
     ) -> None:
         super().__init__(config, server_state, app_state, _loop)
         self._place = place
+        self._frames, self._then = FRAMES_AT_ONCE, self.loop.time()
 
     def connection_lost(self, exc: Exception | None) -> None:
         if self._place is not None:
             self._place.leave()
         super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        for begin in range(0, len(data), PORTION):
+            if self.transport.is_closing():
+                return
+            super().data_received(data[begin : begin + PORTION])
+
+    def handle_events(self) -> None:
+        now = self.loop.time()
+        self._frames = min(FRAMES_AT_ONCE, self._frames + (now - self._then) * FRAMES) - len(self.conn.events)
+        self._then = now
+        if self._frames < 0:
+            self._close_flood()
+        else:
+            super().handle_events()
+
+    def _close_flood(self) -> None:
+        """Say why, if it is read at all, and close: nobody waits for what is left of it."""
+        self.stop_keepalive()
+        if self.handshake_complete and not self.close_sent and not self.transport.get_write_buffer_size():
+            self.conn.fail(CloseCode.TRY_AGAIN_LATER, "too many frames")
+            self.transport.write(b"".join(self.conn.data_to_send()))
+            self.close_sent = True
+            self.queue.put_nowait({"type": "websocket.disconnect", "code": CloseCode.TRY_AGAIN_LATER, "reason": ""})
+            self.transport.close()
+        else:
+            self.transport.abort()

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 import uvicorn
-from fastapi import FastAPI, Request
+from fastapi import FastAPI, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import PlainTextResponse, Response, StreamingResponse
 from websockets.asyncio.client import connect
 
@@ -175,6 +175,13 @@ class Served:
 async def served() -> AsyncIterator[Served]:
     app, seen = FastAPI(), []
 
+    @app.websocket("/live")
+    async def hear(websocket: WebSocket) -> None:
+        await websocket.accept()
+        with contextlib.suppress(WebSocketDisconnect):
+            while True:
+                await websocket.send_text(await websocket.receive_text())
+
     @app.api_route("/{name:path}", methods=["GET", "POST"])
     async def answer(request: Request, name: str) -> Response:
         if name == "read":
@@ -191,6 +198,7 @@ async def served() -> AsyncIterator[Served]:
         log_level="critical",
         lifespan="off",
         http=partial(Connection, doors=doors),  # type: ignore[arg-type]
+        ws="websockets-sansio",
         timeout_graceful_shutdown=1,
         timeout_keep_alive=1,
     )
@@ -311,6 +319,41 @@ async def test_a_head_of_everyday_size_is_served(served: Served) -> None:
     head = b"".join(b"X-%d: " % number + b"a" * 250 + b"\r\n" for number in range(80))
     heard = await served.send(GET + head + b"Connection: close\r\n\r\n")
     assert heard.startswith(b"HTTP/1.1 200 ")
+
+
+UPGRADE = (
+    b"GET /live HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+)
+MASK = b"\x80\x00\x00\x00\x00"
+PING, PONG, PIECE, EMPTY = b"\x89" + MASK, b"\x8a" + MASK, b"\x00" + MASK, b"\x81" + MASK
+"""Frames of a browser without a payload: two of control, a further piece of a message, a whole one."""
+
+
+@pytest.mark.parametrize(
+    "flood", [PING, PONG, EMPTY, b"\x01" + MASK + PIECE * 2000], ids=["pings", "pongs", "messages", "pieces"]
+)
+async def test_a_socket_that_sends_frames_without_end_is_closed(served: Served, flood: bytes) -> None:
+    reader, writer = await asyncio.open_connection("127.0.0.1", served.port)
+    writer.write(UPGRADE)
+    await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), GUARD)
+    heard = b""
+    with contextlib.suppress(ConnectionError):
+        for _ in range(12_000 // len(flood) + 1):
+            writer.write(flood)
+        await writer.drain()
+        heard = await asyncio.wait_for(reader.read(), GUARD)  # ends when the server closes
+    writer.close()
+    assert len(heard) < 2 * (connections.FRAMES_AT_ONCE + GUARD * connections.FRAMES)
+    assert await served.send(GET + b"Connection: close\r\n\r\n")
+
+
+async def test_a_socket_in_everyday_use_is_not_closed(served: Served) -> None:
+    async with connect(f"ws://127.0.0.1:{served.port}/live") as socket:
+        for number in range(40):
+            await socket.send(f"{number}" * 1000)
+            await (await socket.ping())
+            assert await socket.recv() == f"{number}" * 1000
 
 
 @pytest.mark.parametrize(
