@@ -84,6 +84,8 @@ class Progress:
     """Point → what it held before [EU], of a hold-to-run that gives it back when it is over."""
     requests: tuple[int, ...] = ()
     """Ids under which a device with a map of ours knows it; its events carry them."""
+    asker: int = 0
+    """Id of the person who asked, whatever they are called; 0 = a program, or nobody."""
 
     @property
     def over(self) -> bool:

@@ -70,7 +70,7 @@ class ParameterWork:
         assert order.person is not None
         progress = Progress(
             order.id, order.equipment, order.key, prepared.command.label, order.person.display, ProgressState.REQUESTED,
-            order.asked, limit=plan.limit,
+            order.asked, limit=plan.limit, asker=order.person.id,
         )  # fmt: skip
         job = SetJob(order, prepared, plan, progress)
         if machine.job is not None:

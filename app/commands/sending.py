@@ -78,6 +78,7 @@ class Sending:
                 limit=max(plan.limit, STOP_LIMIT) if command.stop else plan.limit,
                 telegrams=plan.telegrams,
                 arguments=plan.arguments,
+                asker=order.person.id,
             ),
             prepared.feedback.true(look, argument=plan.argument) if prepared.feedback else None,
             tuple(c for c in prepared.interlocks if interlocks.met(c, look)),

@@ -61,7 +61,7 @@ class Sets:
         progress = Progress(
             order.id, order.equipment, prepared.command.key, prepared.command.label, order.person.display, ProgressState.REQUESTED,
             order.asked, old=plan.old, limit=plan.limit, telegrams=plan.telegrams, arguments=plan.arguments,
-            changes=plan.changes,
+            changes=plan.changes, asker=order.person.id,
         )  # fmt: skip
         job = SetJob(order, prepared, plan, progress)
         if self._state.dry_run:

@@ -63,8 +63,6 @@ class Classroom:
         self._db, self._tags, self._clock, self._alarms, self._plant = db, tags, clock, alarms, plant
         self._revision = Revisions(tags, clock, LESSONS, block=4)
         self._courses: dict[Key, Course] = {}
-        self._people: dict[str, set[int]] = {}
-        """Name shown with a command → who is called so, of those who are in a lesson."""
         self._held: dict[Key, float] = {}
         """Since when the sentence of a step holds, monotonic [s]."""
         self._unwritten: set[Key] = set()
@@ -164,7 +162,6 @@ class Classroom:
         return mine
 
     def _keep(self, person: Person, course: Course) -> Course:
-        self._people.setdefault(person.display or person.name, set()).add(person.id)
         self._put((person.id, course.lesson), course)
         return course
 
@@ -193,7 +190,7 @@ class Classroom:
         if progress.state is not ProgressState.CONFIRMED:
             return
         for key, lesson, course, step in self._open():
-            mine = key[0] in self._people.get(progress.person, ()) and progress.requested >= course.since
+            mine = key[0] == progress.asker and progress.requested >= course.since
             if mine and step.command == progress.command and course.machine == progress.equipment:
                 self._put(key, courses.done(course, lesson, self._clock.micros()))
 
@@ -239,22 +236,19 @@ class Classroom:
     async def load(self) -> None:
         """Read how far everybody was; what cannot be read begins anew."""
 
-        def work(connection: Connection) -> list[tuple[int, str, Mapping[str, Any], str]]:
-            query = select(progress_table, person_table.c.display, person_table.c.name).join(person_table)
-            return [(row.person, row.lesson, row.state, row.display or row.name) for row in connection.execute(query)]
+        def work(connection: Connection) -> list[tuple[int, str, Mapping[str, Any]]]:
+            return [(row.person, row.lesson, row.state) for row in connection.execute(select(progress_table))]
 
         try:
             rows = await self._db.read(work)
         except StorageError as error:
             log.error("lessons not read reason=%s", error)
             return
-        for person, lesson, state, shown in rows:
+        for person, lesson, state in rows:
             try:
                 self._courses[person, lesson] = courses.from_state(state)
             except (TypeError, KeyError) as error:
                 log.warning("course not understood lesson=%s reason=%s", lesson, error)
-                continue
-            self._people.setdefault(shown, set()).add(person)
 
     async def run(self) -> None:
         """Look and write, for ever."""

@@ -1,7 +1,7 @@
 """Lessons: each shipped one is played through by its own solution, in virtual time, as a learner does it in a browser."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +16,7 @@ from app.running.classroom import Classroom
 from app.running.course import Course
 from tests.virtual import until
 from tests.web.operating import Operator, runtime_of
-from tests.web.people import Staff
+from tests.web.people import BOSS, Staff
 
 LONGEST = 420.0
 """A step that is not ticked off in so long cannot be done [s]."""
@@ -112,6 +112,8 @@ class Learner:
         )
 
 
+RESET = 8
+"""The step of the lesson on a motor that is done by a command."""
 MACHINES = {"motor": "m1", "conveyor": "c1", "sequence": "seq1"}
 
 
@@ -204,6 +206,56 @@ def test_the_instructor_sees_the_class_and_others_only_themselves(staff: Staff, 
     assert "Step 7 of 11" in teacher.get("/lessons/class").text
     staff.have()
     assert staff.client.get("/lessons").status_code in (303, 401)
+
+
+def reset_by(client: TestClient, operator: Operator) -> None:
+    """`operator` takes m2 from whoever has it, and resets its fault."""
+    gate = runtime_of(client).gate
+    assert gate is not None
+    if holder := gate.control.holder("m2"):
+        operator.staff.wait(gate.control.session_ended, holder.session)
+    operator.take("m2")
+    Learner(client, operator, room_of(client).lessons["motor"], "m2").do(Deed(command="reset"), "reset")
+    client.pass_time(5)
+
+
+@pytest.fixture
+def call(staff: Staff) -> Iterator[Callable[[Operator, str], None]]:
+    """Have somebody be called otherwise, for a test."""
+    renamed: list[int] = []
+
+    def rename(operator: Operator, display: str) -> None:
+        renamed.append(person_of(staff.client, operator).id)
+        staff.wait(staff.access.people.rename, BOSS, renamed[-1], display)
+
+    yield rename
+    for one in renamed:
+        staff.wait(staff.access.people.rename, BOSS, one, "")
+
+
+def test_a_learner_who_is_called_otherwise_meanwhile_goes_on(
+    staff: Staff, ana: Operator, call: Callable[[Operator, str], None]
+) -> None:
+    client = staff.client
+    assert ana.post("/lessons/motor/begin", False, machine="m2").status_code == 303
+    put_at(client, "motor", RESET)
+    call(ana, "Ana Horvat")
+    assert person_of(client, ana).display == "Ana Horvat"
+    reset_by(client, ana)
+    assert course_of(client, "motor").step == RESET + 1
+
+
+def test_what_a_namesake_does_on_the_machine_ticks_nothing_off(
+    staff: Staff, ana: Operator, call: Callable[[Operator, str], None]
+) -> None:
+    client = staff.client
+    ivo = Operator(staff, "ivo", ("operator",)).sit()
+    for one in (ana, ivo):
+        call(one, "Ana")
+    assert ana.post("/lessons/motor/begin", False, machine="m2").status_code == 303
+    put_at(client, "motor", RESET)
+    reset_by(client, ivo)
+    assert course_of(client, "motor").step == RESET
 
 
 def test_progress_outlives_the_server(staff: Staff, ana: Operator) -> None:
