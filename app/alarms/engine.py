@@ -181,6 +181,11 @@ class AlarmEngine:
         watch = self._occurrences.present(occurrence)
         return self.list.of(watch) if watch else None
 
+    def acknowledged(self, id: str) -> int:
+        """When the last occurrence of the alarm `id` was acknowledged [µs UTC], also one that is over; 0 = it was not."""
+        watch = self._index.get(id)
+        return watch.acked_at if watch else 0
+
     # ---- what people do -------------------------------------------------------------------------------
 
     async def acknowledge(self, occurrences: Iterable[int], person: Person, comment: str = "") -> list[Answer]:

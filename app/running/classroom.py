@@ -182,7 +182,7 @@ class Classroom:
         for key, lesson, course, step in self._open():
             if step.until:
                 self._look(key, lesson, course, step)
-            elif step.alarm and self._alarm_is(course.machine, step):
+            elif step.alarm and self._alarm_is(course, step):
                 self._put(key, courses.done(course, lesson, self._clock.micros()))
 
     def ended(self, progress: Progress) -> None:
@@ -224,11 +224,14 @@ class Classroom:
 
         return age
 
-    def _alarm_is(self, machine: str, step: LessonStep) -> bool:
+    def _alarm_is(self, course: Course, step: LessonStep) -> bool:
         listed = self._alarms.list.active()
-        found = next((one for one in listed if (one.equipment, one.key) == (machine, step.alarm)), None)
-        if found is None or step.moment == "gone":
-            return found is None and step.moment == "gone"
+        found = next((one for one in listed if (one.equipment, one.key) == (course.machine, step.alarm)), None)
+        if step.moment == "gone":
+            return found is None
+        if found is None:  # one whose cause was over went with its acknowledgement
+            last = self._alarms.acknowledged(f"{course.machine}.{step.alarm}")
+            return step.moment == "acknowledged" and last >= course.since
         return step.moment == "active" or not found.unacked
 
     # ---- what runs ------------------------------------------------------------------------------------

@@ -31,6 +31,10 @@ def staff(demo: TestClient) -> Staff:
 @pytest.fixture
 def ana(staff: Staff) -> Iterator[Operator]:
     yield Operator(staff, "ana", ("operator",)).sit()
+    gate = runtime_of(staff.client).gate
+    assert gate is not None
+    if holder := gate.control.holder("m2"):
+        staff.wait(gate.control.session_ended, holder.session)
 
 
 def room_of(client: TestClient) -> Classroom:
@@ -112,8 +116,8 @@ class Learner:
         )
 
 
-RESET = 8
-"""The step of the lesson on a motor that is done by a command."""
+ACKNOWLEDGE, RESET = 5, 8
+"""The steps of the lesson on a motor that are done by an acknowledgement and by a command."""
 MACHINES = {"motor": "m1", "conveyor": "c1", "sequence": "seq1"}
 
 
@@ -209,11 +213,7 @@ def test_the_instructor_sees_the_class_and_others_only_themselves(staff: Staff, 
 
 
 def reset_by(client: TestClient, operator: Operator) -> None:
-    """`operator` takes m2 from whoever has it, and resets its fault."""
-    gate = runtime_of(client).gate
-    assert gate is not None
-    if holder := gate.control.holder("m2"):
-        operator.staff.wait(gate.control.session_ended, holder.session)
+    """`operator` takes m2 and resets its fault."""
     operator.take("m2")
     Learner(client, operator, room_of(client).lessons["motor"], "m2").do(Deed(command="reset"), "reset")
     client.pass_time(5)
@@ -256,6 +256,25 @@ def test_what_a_namesake_does_on_the_machine_ticks_nothing_off(
     put_at(client, "motor", RESET)
     reset_by(client, ivo)
     assert course_of(client, "motor").step == RESET
+
+
+def test_an_alarm_that_goes_as_it_is_acknowledged_ticks_its_step_off(staff: Staff, ana: Operator) -> None:
+    client, alarms = staff.client, runtime_of(staff.client).alarms
+    assert ana.post("/lessons/motor/begin", False, machine="m2").status_code == 303
+    ana.take("m2")
+    put_at(client, "motor", ACKNOWLEDGE - 1)
+    assert ana.post("/lessons/motor/cause", False, step=str(ACKNOWLEDGE - 1)).status_code == 303
+    client.pass_time(3)
+    (found,) = [one for one in alarms.list.active() if one.id == "m2.overcurrent"]
+    teacher = Operator(staff, "teacher", ("engineer", "operator")).sit()
+    assert teacher.post("/instructor/m2/fault", False, code="0").status_code == 303  # the teacher removes it
+    Learner(client, ana, room_of(client).lessons["motor"], "m2").do(Deed(command="reset"), "reset")
+    client.pass_time(5)
+    assert course_of(client, "motor").step == ACKNOWLEDGE
+    staff.wait(alarms.acknowledge, [found.occurrence], person_of(client, ana))
+    client.pass_time(2)
+    assert alarms.find(found.occurrence) is None
+    assert course_of(client, "motor").step == ACKNOWLEDGE + 1
 
 
 def test_progress_outlives_the_server(staff: Staff, ana: Operator) -> None:
