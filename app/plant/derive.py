@@ -36,6 +36,8 @@ KINDS: Mapping[str, tuple[bool, bool]] = {
     "since": (True, False),
 }
 """Kind → (needs `of`, needs `when`)."""
+TIME_UNIT = "time"
+"""Unit of a point that is a moment [µs UTC]: it is drawn as a time of the plant. A `since` has it unless its type says otherwise."""
 RETAINED = frozenset({"running_hours", "starts", "min_today", "max_today", "since"})
 _NEVER: tuple[Value, int] = (None, NO_DATA)
 HOUR = 3_600_000_000

@@ -67,12 +67,17 @@ async def equipment_page(request: Request, key: str, name: str) -> HTMLResponse:
 
 
 def pages_of(kind: EquipmentType) -> list[str]:
-    """The pages of an equipment type by name: `page.html`, then every `page_<name>.html` in the order of their words (`page.<name>`)."""
+    """The pages of an equipment type by name: the main one, then every `page_<name>.html` in the order of their words (`page.<name>`)."""
     folder = bundled("templates") / "screens" / kind.name
-    first = [MAIN] if (folder / "page.html").is_file() else []
     told = [key.removeprefix("page.") for key in next(iter(kind.texts.values()), ()) if key.startswith("page.")]
     found = (path.stem.removeprefix("page_") for path in folder.glob("page_*.html"))
-    return first + sorted(found, key=lambda name: (told.index(name) if name in told else len(told), name))
+    return [MAIN, *sorted(found, key=lambda name: (told.index(name) if name in told else len(told), name))]
+
+
+def own_template(kind: EquipmentType, name: str, common: str) -> str:
+    """The template `name` of an equipment type, else the one that all types without share."""
+    own = f"screens/{kind.name}/{name}.html"
+    return own if (bundled("templates") / own).is_file() else common
 
 
 async def _screen(request: Request, key: str, name: str) -> HTMLResponse:
@@ -87,7 +92,7 @@ async def _screen(request: Request, key: str, name: str) -> HTMLResponse:
     up = "/" if len(members) == 1 else address_of_area(machine.area, members)
     return view.page(
         request,
-        f"screens/{machine.type.name}/{f'page_{name}' if name else 'page'}.html",
+        own_template(machine.type, f"page_{name}" if name else "page", "layouts/machine.html"),
         title=drawn.label,
         kind=f"equipment/{machine.id}",
         area=machine.area,

@@ -15,7 +15,6 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
-from app import bundled
 from app.commands.lifecycle import ProgressState
 from app.commands.orders import LONGEST_REASON
 from app.commands.value_set import MOST, Change, Stands
@@ -26,7 +25,7 @@ from app.web.commands import gate_of, number_or_none, operation_of, wants_fragme
 from app.web.guard import address_of, allow, field_list, fields, person_of
 from app.web.language import language_of
 from app.web.operation import Operation
-from app.web.pages import view_of
+from app.web.pages import own_template, view_of
 from app.web.points import PointView
 
 if TYPE_CHECKING:
@@ -162,9 +161,7 @@ async def faceplate(request: Request, key: str) -> HTMLResponse:
     """The faceplate: a dialog over any page, or a page of its own."""
     operation = operation_of(request, key)
     machine = operation.equipment
-    template = f"screens/{machine.type}/faceplate.html"
-    if not (bundled("templates") / template).is_file():
-        raise HTTPException(404)
+    template = own_template(machine.equipment.type, "faceplate", "fragments/machine_faceplate.html")
     view = view_of(request)
     context: dict[str, Any] = {"operation": operation, "equipment": machine, "body": template}
     if wants_fragment(request):

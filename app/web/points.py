@@ -9,6 +9,7 @@ from zoneinfo import ZoneInfo
 
 from app.clock import Clock
 from app.plant.definitions import Command, Equipment, Kind, Plant, Point, Setpoint
+from app.plant.derive import TIME_UNIT
 from app.plant.texts import Texts
 from app.tags.batch import Value
 from app.tags.database import TagDatabase
@@ -16,9 +17,6 @@ from app.tags.quality import NO_DATA
 from app.web import format as fmt
 from app.web.drawing import Dial, Indicator, indicator
 from app.web.format import Text
-
-TIME_UNIT = "time"
-"""Unit of a point whose value is a moment [µs UTC]."""
 
 
 class Surroundings(Protocol):

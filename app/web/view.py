@@ -37,6 +37,7 @@ from app.web.alarm_view import Drawing, marks_json
 from app.web.assets import Assets
 from app.web.drawing import Scale
 from app.web.language import HTML, NAMES, YEAR, language_of
+from app.web.plain_screen import PlainScreen
 from app.web.points import EquipmentView, live_texts
 from app.web.screens import template_names
 
@@ -275,6 +276,7 @@ class View:
             "TIME_PATTERN": typed_time.PATTERN,
             "Scale": Scale,
             "marks_json": marks_json,
+            "plain_screen": PlainScreen,
             **template_names(),
         }
         self._environments[lang] = (texts, environment)

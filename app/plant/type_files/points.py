@@ -6,7 +6,7 @@ from typing import Any
 
 from app.plant import expression
 from app.plant.definitions import Derived, Kind, Point, Register, Scan, TableMap, Type
-from app.plant.derive import KINDS
+from app.plant.derive import KINDS, TIME_UNIT
 from app.plant.said import said
 from app.plant.tables import NONE, Table, is_number
 from app.plant.type_files.data import PointData
@@ -88,7 +88,7 @@ class Points:
             key=key,
             label=table.text("label", f"point.{key}"),
             kind=kind,
-            unit=table.text("unit", ""),
+            unit=table.text("unit", TIME_UNIT if derived and derived.kind == "since" else ""),
             decimals=table.whole("decimals", 0, 0, 6),
             register=register,
             derived=derived,
