@@ -1,11 +1,11 @@
 """Equipment types: the folders of app/equipment, read once; each kind of file has its reader in plant/type_files.
 
-`device.toml` limits of the device, options of an instance, presets and checks of them (what one `expected` is a text, or one for each
-language); `points.toml` values; `setpoints.toml` parameters (each is a point too); `checks.toml` what must hold between them (`[key]`
-with `expression`); `ratings.toml` what a device says of itself against the options; `commands.toml`; `interlocks.toml` with
-`[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `training.toml` (plant/training.py); `texts.<lang>.toml`; of a Pogon PLC also
-`tables.toml` and `events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py); of a drive `parameters.toml`, behind a mailbox
-(plant/drive_parameters.py) or as registers (plant/register_parameters.py).
+`device.toml` limits of the device, options of an instance (a `default` may be a sentence over those above it), presets and checks of
+them (what one `expected` is a text, or one for each language); `points.toml` values; `setpoints.toml` parameters (each is a point too);
+`checks.toml` what must hold between them (`[key]` with `expression`); `ratings.toml` what a device says of itself against the options;
+`commands.toml`; `interlocks.toml` with `[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `training.toml` (plant/training.py);
+`texts.<lang>.toml`; of a Pogon PLC also `tables.toml` and `events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py); of a drive
+`parameters.toml`, behind a mailbox (plant/drive_parameters.py) or as registers (plant/register_parameters.py).
 
 Of a type whose equipment runs a sequence, and of a machine that one may use, device.toml says:
 
@@ -248,7 +248,16 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     parameters = {key: codes if takes else frozenset() for key, takes in options.parameters.items()}
     counted, whole = files.repeats.options, frozenset(options.whole)
     return TypeData(
-        kind, points.found, options.choices, parameters, options.numbers, columns, option_checks, counted, whole
+        kind,
+        points.found,
+        options.choices,
+        parameters,
+        options.numbers,
+        columns,
+        option_checks,
+        counted,
+        whole,
+        options.follows,
     )
 
 

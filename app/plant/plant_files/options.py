@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from app.plant import expression
 from app.plant.plant_files.names import ID
 from app.plant.said import Plain, said
 from app.plant.sequence_definition import SequenceDefinition
@@ -16,7 +17,8 @@ from app.plant.type_files.options import BY_DEFINITION, SPAN_EXPECTED
 def read_options(
     table: Table, data: TypeData, preset: Mapping[str, float], sequence: SequenceDefinition | None = None
 ) -> dict[str, object]:
-    """The options of a machine: its own, else those of its preset, else those of its type; a sequence's are its definition's."""
+    """The options of a machine: its own, else those of its preset, else those of its type, which may follow from others; a sequence's are
+    its definition's."""
     options = {**data.type.options, **preset}
     if sequence:
         options |= definition_options(sequence)
@@ -26,6 +28,10 @@ def read_options(
             continue  # the definition says it
         if isinstance(default, float):
             low, high = data.type.ranges[name]
+            if name in data.follows and name not in preset:
+                told = {key: number for key, number in options.items() if isinstance(number, float)}
+                followed = expression.number(data.follows[name], told)
+                default = default if followed is None else followed
             options[name] = value = float(table.number(name, default, low, high))
             if name in counts and not value.is_integer():
                 table.note(name, value, said("mistake.whole"))

@@ -37,3 +37,5 @@ class TypeData:
     """Options by which rows of the type are repeated: with other values it is another set of points, commands, alarms."""
     whole: frozenset[str] = frozenset()
     """Options that have whole numbers only."""
+    follows: Mapping[str, str] = field(default_factory=dict)
+    """Options whose default is a sentence over options before them."""

@@ -8,7 +8,7 @@ from app.errors import ConfigurationError
 from app.plant import expression
 from app.plant.plant_files.languages import languages
 from app.plant.said import said, said_by
-from app.plant.tables import Table, is_number, read_label
+from app.plant.tables import Table, is_number, read_label, span
 from app.plant.type_files.names import KEY, NAME_EXPECTED
 
 STEPS = "steps"
@@ -65,6 +65,8 @@ class Options:
     numbers: dict[str, dict[str, tuple[float, float]]] = field(default_factory=dict)
     whole: set[str] = field(default_factory=set)
     """Numbers that have no fraction: their register has none."""
+    follows: dict[str, str] = field(default_factory=dict)
+    """Those whose default is a sentence over options above them: what a machine says of these decides."""
     presets: dict[str, dict[str, float]] = field(default_factory=dict)
 
     @property
@@ -138,7 +140,7 @@ def _read_option(options: Options, key: str, table: Table) -> None:
     if table.has("default"):
         low, high = float(table.number("low")), float(table.number("high"))
         options.ranges[key] = (low, high)
-        options.values[key] = float(table.number("default", low=low, high=high))
+        options.values[key] = _default(options, key, table, low, high)
         if table.flag("whole"):
             options.whole.add(key)
     else:
@@ -149,6 +151,24 @@ def _read_option(options: Options, key: str, table: Table) -> None:
         numbers = table.table("numbers")
         options.numbers[key] = {name: read_span(name, numbers) for name in numbers.data}
     table.done()
+
+
+def _default(options: Options, key: str, table: Table, low: float, high: float) -> float:
+    """The number `default`, or what its sentence gives with the defaults of the options above it."""
+    given = table.data["default"]
+    if not isinstance(given, str):
+        return float(table.number("default", low=low, high=high))
+    table.raw("default")
+    before = len(table.source.problems)
+    options.check_expression(table, "default", given)
+    if len(table.source.problems) > before:
+        return low
+    value = expression.number(given, options.defaults)
+    if value is None or not low <= value <= high:
+        table.note("default", given, span("number", low, high))
+        return low
+    options.follows[key] = given
+    return value
 
 
 def _presets(head: Table, ranges: Mapping[str, tuple[float, float]]) -> Iterator[tuple[str, dict[str, float]]]:

@@ -164,3 +164,33 @@ async def test_what_the_drive_says_of_its_motor_is_compared_with_the_plant_file(
                 return sample.value, sample.quality
 
             assert {one.key for one in kind.ratings if met(one, look) is False} == expected, unit  # type: ignore[arg-type]
+
+
+WOUND = [
+    ("", 50, 1500),
+    ("pole_pairs = 1", 50, 3000),
+    ("pole_pairs = 3\nrated_frequency = 60", 60, 1200),
+    ("rated_frequency = 87", 87, 2610),
+    ("pole_pairs = 1\nrated_speed = 2850", 50, 2850),
+]
+
+
+@pytest.mark.parametrize(("options", "frequency", "speed"), WOUND)
+def test_scales_and_normal_bands_are_those_of_its_motor(
+    tmp_path: Path, options: str, frequency: float, speed: float
+) -> None:
+    folder = tmp_path / "plant"
+    folder.mkdir()
+    (folder / "plant.toml").write_text(
+        '[plant]\nname = "Hall"\ntimezone = "UTC"\n[links.hall]\ntransport = "memory"\n'
+        f'[equipment.d1]\ntype = "eura_e800"\nlink = "hall"\nunit = 1\n{options}\n',
+        "utf-8",
+    )
+    plant, problems = read_plant(folder)
+    assert plant is not None, problems
+    points = plant.equipment["d1"].points
+    for key in ("frequency", "frequency_setpoint"):
+        assert (points[key].scale_low, points[key].scale_high) == (0, frequency)
+        assert points[key].normal == pytest.approx((0.6 * frequency, 0.9 * frequency))
+    assert (points["speed"].scale_low, points["speed"].scale_high) == (-speed, speed)
+    assert points["speed"].normal == pytest.approx((0.6 * speed, 5 * speed / 6))

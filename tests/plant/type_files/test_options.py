@@ -12,6 +12,10 @@ MISTAKES = [
     ("device", "default = 3", "default = 2.5", "options.slots.default", "a whole number: it"),
     ("device", "default = 660", "default = 660.5\nwhole = true", "options.length.default", "a whole number: `whole`"),
     ("device", "slots = 5", "slots = 4.5", "presets.long.slots", "a whole number"),
+    ("device", "default = 660", 'default = "width + 1"', "options.length.default", "width"),
+    ("device", "default = 660", 'default = "100 * slots +"', "options.length.default", "expression"),
+    ("device", "default = 660", 'default = "2000 * slots"', "options.length.default", "from 100 to 5000"),
+    ("device", "default = 660", 'default = "660 / (slots - 3)"', "options.length.default", "from 100 to 5000"),
     ("device", "arrivals = [0, 60]", "arrivals = [60]", "options.simulation.numbers.arrivals", "[low, high]"),
 ]
 
