@@ -34,7 +34,8 @@ def read_plant(
     transports: Sequence[str] = TRANSPORTS,
     drafts: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[Plant | None, list[Problem]]:
-    """Read `folder`/plant.toml with the equipment types and the sequences (plant/sequences.py) it names.
+    """Read `folder`/plant.toml with the equipment types (the product's, and its own in `equipment/`) and the sequences (plant/sequences.py)
+    it names.
 
     The plant is None exactly when there are problems. A text that lacks a language is no problem: it is shown with its language mark.
     `drafts`: sequence → the text that is read in place of its file.
@@ -65,7 +66,7 @@ class _PlantReader:
         self._source = Source(folder / PLANT_FILE, PLANT_FILE, inside=folder)
         known = languages()
         self._languages = PlantLanguages(known, known)
-        self._types = TypesUsed(type_folder, self._languages)
+        self._types = TypesUsed(type_folder, self._languages, folder)
         self._sequences = SequenceFiles(
             folder, lambda table, key: self._languages.label(table, key, required=True), drafts
         )

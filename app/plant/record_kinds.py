@@ -57,9 +57,11 @@ def read_kinds(
 ) -> dict[str, RecordKind]:
     """The kinds that `file` declares, in its order.
 
-    `events`: codes of events.toml; `words`: names of what a snapshot says; `package`: where records.py is imported from.
+    `events`: codes of events.toml; `words`: names of what a snapshot says; `package`: where
+    records.py is imported from, empty: from nowhere.
     """
-    python = import_module(f"{package}.{folder.name}.records") if file.data and (folder / PYTHON).is_file() else None
+    has_python = package and file.data and (folder / PYTHON).is_file()
+    python = import_module(f"{package}.{folder.name}.records") if has_python else None
     codes = {key: code for code, key in events.items()}
     found = {name: _KindReader(name, table, codes, words, _hooks(python, name)).read() for name, table in file.tables()}
     for name, kind in found.items():

@@ -1,4 +1,5 @@
-"""Equipment types: the folders of app/equipment, read once; each kind of file has its reader in plant/type_files.
+"""Equipment types: the folders of app/equipment and `equipment/` of a plant, read once; each kind of file has its reader in
+plant/type_files.
 
 `device.toml` limits of the device, options of an instance (a `default` may be a sentence over those above it), presets and checks of
 them (what one `expected` is a text, or one for each language); `points.toml` values; `setpoints.toml` parameters (each is a point too);
@@ -41,7 +42,8 @@ from app.plant.definitions import EquipmentType
 from app.plant.problems import Problem
 from app.plant.said import said
 from app.plant.services import read_services
-from app.plant.tables import Source, Table
+from app.plant.tables import MISSING, Source, Table
+from app.plant.texts import FALLBACK, read_product
 from app.plant.training import read_training
 from app.plant.training import text_keys as training_keys
 from app.plant.type_files.alarms import read_alarms
@@ -65,6 +67,8 @@ from app.plant.type_files.today import text_keys as today_keys
 from app.profidrive.parameter_access.parameter import DriveParameter
 
 EQUIPMENT = Path(__file__).resolve().parent.parent / "equipment"
+OWN = "equipment"
+"""Folder of a plant with the types that it brings itself."""
 PACKAGE = "app.equipment"
 """Where the Python of a type is imported from."""
 SYMBOL = r"[ei]-[a-z0-9-]+"
@@ -88,17 +92,38 @@ def read_type(
     Of `languages` its texts are read where it has them; of those `spoken` (else of all) it must have them. Its repeated rows are as many
     as the options `given` say, else as the defaults of its options do.
     """
-    files = _Files(folder / name, name, given or {})
-    data = _read(files, languages, languages if spoken is None else spoken)
+    return _read_files(_Files(folder / name, name, given or {}), languages, languages if spoken is None else spoken)
+
+
+def read_own_type(
+    name: str, languages: Sequence[str], plant: Path, *, spoken: Sequence[str], given: Mapping[str, float]
+) -> tuple[TypeData, list[Problem]]:
+    """As `read_type`, of `equipment/<name>` in the folder `plant`, which is data alone: its links lead nowhere else, and no Python of it
+    is run. A text that it asks for and has in none of its languages is a problem, too."""
+    data, problems = _read_files(_Files(plant / OWN / name, name, given, own=True), languages, spoken)
+    if not problems:
+        known = {key for texts in (*data.type.texts.values(), read_product()[FALLBACK]) for key in texts}
+        asked = (key for key in sorted(set(text_keys(data)) - known) if f"{key}.other" not in known)
+        file = f"{OWN}/{name}/texts.{spoken[0]}.toml"
+        problems = [Problem(file, key, MISSING, said("mistake.a_text")) for key in asked]
+    return data, problems
+
+
+def _read_files(files: "_Files", languages: Sequence[str], spoken: Sequence[str]) -> tuple[TypeData, list[Problem]]:
+    data = _read(files, languages, spoken)
     return data, [problem for source in files.sources for problem in source.problems]
 
 
 class _Files:
     """The files of one type that were opened, and so the mistakes in them."""
 
-    def __init__(self, folder: Path, name: str, given: Mapping[str, float] = MappingProxyType({})) -> None:
+    def __init__(
+        self, folder: Path, name: str, given: Mapping[str, float] = MappingProxyType({}), *, own: bool = False
+    ) -> None:
         self.folder = folder
         self.name = name
+        self.own = own
+        """It lies in a plant folder, `equipment/<name>`."""
         self.sources: list[Source] = []
         self.repeats = Repeats({}, {})
         """Known once device.toml was opened."""
@@ -106,7 +131,10 @@ class _Files:
 
     def open(self, name: str, *, optional: bool = True) -> Table:
         """The file `name` as a table; only one that is not `optional` must be there."""
-        source = Source(self.folder / name, f"{self.name}/{name}", optional=optional)
+        shown, inside = f"{self.name}/{name}", None
+        if self.own:
+            shown, inside = f"{OWN}/{shown}", self.folder.parent.parent
+        source = Source(self.folder / name, shown, optional=optional, inside=inside)
         self.sources.append(source)
         if name == "device.toml" and "repeats" in source.data:
             try:
@@ -137,9 +165,10 @@ def _kin(head: Table, files: _Files, languages: Sequence[str]) -> _Kin:
     name = head.text("kin", "")
     if not name:
         return _Kin("", {}, {language: {} for language in languages})
-    folder = files.folder.parent / name
-    if name == files.name or not (folder / "device.toml").is_file():
-        known = ", ".join(one for one in names(folder.parent) if one != files.name)
+    parent = EQUIPMENT if files.own else files.folder.parent
+    folder = parent / name
+    if name == files.name or name not in names(parent):
+        known = ", ".join(one for one in names(parent) if one != files.name)
         head.note("kin", name, said("mistake.another_type", known=known))
         return _Kin("", {}, {language: {} for language in languages})
     other = _Files(folder, name)
@@ -167,7 +196,8 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     events, reasons = plc.read_names(file, "events"), plc.read_names(file, "reasons")
     snapshot = plc.read_snapshot(file, events)
     file.done()
-    kinds = record_kinds.read_kinds(files.open("records.toml"), files.folder, PACKAGE, events, list(snapshot))
+    package = "" if files.own else PACKAGE
+    kinds = record_kinds.read_kinds(files.open("records.toml"), files.folder, package, events, list(snapshot))
     sentences = Sentences()
     points = Points(name, options, sentences)
     points.read(files.open("points.toml", optional=False))

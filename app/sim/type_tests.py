@@ -30,7 +30,9 @@ RunTests = Callable[[Plant, Equipment], Sequence[TestResult]]
 def tests_of(kind: str) -> RunTests | None:
     """What runs the tests of machines of the type `kind`; None when it has none."""
     name = f"{__package__}.{kind}"
-    if find_spec(name) is None or find_spec(f"{name}.tests") is None:
+    found = find_spec(name)
+    # a type that a plant brings may be called as a module here is
+    if found is None or not found.submodule_search_locations or find_spec(f"{name}.tests") is None:
         return None
     run: RunTests = import_module(f"{name}.tests").run_tests
     return run

@@ -1,6 +1,7 @@
 """The equipment types that a plant names, each read once."""
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from app.plant import types
@@ -11,15 +12,18 @@ from app.plant.problems import Problem
 from app.plant.said import said
 from app.plant.tables import Enough, Table
 from app.plant.type_files.data import TypeData
+from app.plant.type_files.names import KEY, NAME_EXPECTED
 
 
 class TypesUsed:
-    """Types below `folder`, and the problems of those that were asked for."""
+    """Types below `folder` and those that the folder `plant` brings, and the problems of those that were asked for."""
 
-    def __init__(self, folder: Path, languages: PlantLanguages) -> None:
-        self.names = types.names(folder)
+    def __init__(self, folder: Path, languages: PlantLanguages, plant: Path) -> None:
         self.problems: list[Problem] = []
         self._folder = folder
+        self._plant = plant
+        self._brought = self._names(types.names(folder))
+        self.names = sorted({*types.names(folder), *self._brought})
         self._languages = languages
         self._read: dict[str, TypeData | None] = {}
         self._variants: dict[tuple[str, frozenset[tuple[str, float]]], TypeData | None] = {}
@@ -53,11 +57,23 @@ class TypesUsed:
             self._variants[key] = None if problems else data
         return self._variants[key]
 
+    def _names(self, taken: Sequence[str]) -> frozenset[str]:
+        """The types that the plant brings; what is wrong with their names is noted."""
+        found = types.names(self._plant / types.OWN)
+        for name in found:
+            if not re.fullmatch(KEY, name):
+                self.problems.append(Problem(f"{types.OWN}/{name}", "(folder)", name, NAME_EXPECTED))
+            elif name in taken:
+                self.problems.append(Problem(f"{types.OWN}/{name}", "(folder)", name, said("mistake.own_type")))
+        return frozenset(name for name in found if re.fullmatch(KEY, name)) - frozenset(taken)
+
     def _of(self, name: str, given: Mapping[str, float]) -> tuple[TypeData, list[Problem]]:
+        known, spoken = self._languages.known, self._languages.spoken
         try:
-            data, problems = types.read_type(
-                name, self._languages.known, self._folder, spoken=self._languages.spoken, given=given
-            )
+            if name in self._brought:
+                data, problems = types.read_own_type(name, known, self._plant, spoken=spoken, given=given)
+            else:
+                data, problems = types.read_type(name, known, self._folder, spoken=spoken, given=given)
         except Enough as enough:
             self.problems += enough.problems
             raise
