@@ -56,7 +56,7 @@ from app.plant.type_files.options import read_checks as read_option_checks
 from app.plant.type_files.options import read_options
 from app.plant.type_files.orders import read_orders
 from app.plant.type_files.points import Points
-from app.plant.type_files.registers import check_registers
+from app.plant.type_files.registers import check_registers, check_telegrams
 from app.plant.type_files.repeats import Repeats, read_repeats, written_out
 from app.plant.type_files.sentences import Sentences
 from app.plant.type_files.setpoints import read_setpoints
@@ -236,6 +236,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     }
     sentences.check(points.found, name)
     check_registers(points.found.values(), files.sources)
+    check_telegrams(points.found.values(), device, files.sources)
     if device.plc:
         registers = {key: data.point.register for key, data in points.found.items()}
         plc.check_points(head, device.plc, registers, tuple(events))

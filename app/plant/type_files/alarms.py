@@ -39,7 +39,7 @@ def read_alarm(key: str, table: Table, prefix: str, events: Mapping[int, str]) -
             table.note(name, table.raw(name), said("mistake.of_event"))
     limit = table.number("limit", None)
     kind = table.text("kind", "expression", choices=ALARM_KINDS)
-    if kind not in ("expression", "bad_quality") and limit is None:
+    if kind not in ("expression", "bad_quality") and not table.has("limit"):
         table.note("limit", MISSING, said("mistake.alarm_limit", kind=kind))
     if kind != "expression" and not table.has("value"):
         table.note("value", MISSING, said("mistake.alarm_point", kind=kind))

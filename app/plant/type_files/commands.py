@@ -10,12 +10,15 @@ from app.plant.tables import MISSING, Table, is_number
 from app.plant.type_files.data import PointData
 from app.plant.type_files.names import KEY, NAME_EXPECTED, NUMBER_EXPECTED, ROLES
 from app.plant.type_files.options import Options
-from app.plant.type_files.sentences import Sentences, read_values
+from app.plant.type_files.sentences import Sentences, names_in, read_values
+from app.registers.codec import raw_limits
 
 LEVELS = ("C0", "C1", "C2", "C3", "C4")
 SPECIAL_VALUES = ("argument", "previous")
 ARGUMENT_TYPES = (Type.F32, Type.U32, Type.I32)
 MOST_ARGUMENTS = 4
+ROUNDING = 1e-6
+"""How far a number may be from a step of its register, in steps: 0.3 is no multiple of 0.1 to a computer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +108,7 @@ class CommandReader:
         ordered = bool(command.code or command.hold_bits)
         if command.feedback:
             self.sentences.add(table, "feedback", command.feedback, argument=not ordered)
+            self._check_is_read(table, command.feedback)
         if ordered:
             self._check_order(table, command)
         elif not command.writes:
@@ -127,6 +131,13 @@ class CommandReader:
             table.note("needs_reason", "true", said("mistake.no_why"))
         if command.argument and command.argument not in self.points:
             table.note("argument", command.argument, said("mistake.point_of_type", owner=self.owner, near=""))
+
+    def _check_is_read(self, table: Table, feedback: str) -> None:
+        """What is only written never confirms anything."""
+        for name in sorted(names_in(feedback) or ()):
+            register = self.points[name].point.register if name in self.points else None
+            if register is not None and not register.readable:
+                table.note("feedback", feedback, said("mistake.read_point", point=name))
 
     def _check_order(self, table: Table, command: Command) -> None:
         """A command that is sent as a code or as request bits."""
@@ -193,8 +204,23 @@ class CommandReader:
                 row.note(
                     "value", value, said("mistake.written_value", words="argument, option:<name>", last="previous")
                 )
+            elif is_number(value) and self._is_writable(point):
+                self._check_fits(row, point, value)
             row.done()
             yield Write(point, str(value), when, after, within)
+
+    def _check_fits(self, row: Table, point: str, value: float) -> None:
+        """What a register does not hold would be written as something else, or not at all."""
+        register = self.points[point].point.register
+        if register is None or register.type in (Type.F32, Type.STRING):
+            return
+        low, high = raw_limits(register)
+        raw = (value - register.offset) / register.scale
+        if not low <= raw <= high or abs(raw - round(raw)) > ROUNDING:
+            ends = sorted((low * register.scale + register.offset, high * register.scale + register.offset))
+            step = f"{abs(register.scale):g}"
+            expected = said("mistake.fits_register", point=point, low=f"{ends[0]:g}", high=f"{ends[1]:g}", step=step)
+            row.note("value", value, expected)
 
     def _is_writable(self, point: str) -> bool:
         register = self.points[point].point.register if point in self.points else None

@@ -6,7 +6,7 @@ from collections.abc import Container, Iterator, Sequence
 from app.plant.definitions import Device
 from app.plant.picture import PictureData
 from app.plant.said import said
-from app.plant.tables import Table
+from app.plant.tables import Table, one_of
 from app.plant.type_files.names import KEY, NAME_EXPECTED
 from app.plant.type_files.options import read_span
 
@@ -19,8 +19,8 @@ def read_device(table: Table) -> Device:
         fallback_read=table.whole("fallback_read", 0, 0, 125),
         group_read={key: groups.whole(key, low=1, high=125) for key in groups.data},
         max_write=table.whole("max_write", 1, 1, 123),
-        read_functions=tuple(table.items("read_functions", (3,))),
-        write_functions=tuple(table.items("write_functions", (6,))),
+        read_functions=tuple(_functions(table, "read_functions", (3, 4), (3,))),
+        write_functions=tuple(_functions(table, "write_functions", (6, 16), (6,))),
         turnaround=float(table.number("turnaround", 0.02, 0, 10)),
         timeout=float(table.number("timeout", 0.25, 0, 60)),
         connections=table.whole("connections", 1, 1, 64),
@@ -79,6 +79,15 @@ def read_picture(table: Table, tile: Sequence[object]) -> PictureData:
     when = table.text("when", "1", pattern=r"\d+(,\d+)*", expected=said("mistake.moving"))
     table.done()
     return PictureData(when=when, **points)
+
+
+def _functions(table: Table, key: str, known: Sequence[int], usual: Sequence[int]) -> Iterator[int]:
+    for index, item in enumerate(table.items(key, usual)):
+        if isinstance(item, int) and not isinstance(item, bool) and item in known:
+            yield item
+        else:
+            table.note(f"{key}.{index}", item, one_of([str(function) for function in known]))
+            yield from known  # what was meant is not known, so that no register is blamed
 
 
 def _ranges(table: Table, key: str) -> Iterator[tuple[int, int]]:

@@ -1,8 +1,8 @@
 """The register of a point, and no two points on the same words of a type."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from app.plant.definitions import Order, Register, Type
+from app.plant.definitions import Device, Order, Register, Type
 from app.plant.said import said
 from app.plant.tables import Source, Table
 from app.plant.type_files.data import PointData
@@ -16,6 +16,11 @@ WORDS: Mapping[Type, int] = {
     Type.U64: 4,
     Type.STRING: 16,
 }
+
+READ = {"holding": 3, "input": 4}
+"""Table → the function that reads it."""
+WRITE_ONE, WRITE_SEVERAL = 6, 16
+LAST_ADDRESS = 0xFFFF
 
 
 def read_register(table: Table, *, writable: bool, address: int | None = None) -> Register:
@@ -53,10 +58,44 @@ def check_registers(points: Iterable[PointData], sources: Sequence[Source]) -> N
         for address in range(register.address, register.address + register.words) if register else ():
             other = taken.setdefault((register.table if register else "", address), data)
             if other is not data and register and not _splits(other.point.register, register):
-                file = next((source for source in sources if data.point.key in source.data), sources[0]).table()
                 expected = said("mistake.words_free", other=other.point.key)
-                file.note(f"{data.point.key}.address", f"0x{register.address:04X}", expected)
+                _file_of(data, sources).note(f"{data.point.key}.address", f"0x{register.address:04X}", expected)
                 break
+
+
+def check_telegrams(points: Iterable[PointData], device: Device, sources: Sequence[Source]) -> None:
+    """What no telegram that `device` takes can read or write is noted where it stands: a link would never have its value, and a command
+    that writes it would never arrive."""
+    for data in points:
+        register = data.point.register
+        for key, value, expected in _unreached(register, device) if register and not data.part else ():
+            _file_of(data, sources).note(f"{data.point.key}.{key}", value, expected)
+
+
+def _unreached(register: Register, device: Device) -> Iterator[tuple[str, str, str]]:
+    """Key, value and what was expected."""
+    if register.address + register.words - 1 > LAST_ADDRESS:
+        yield "address", f"0x{register.address:04X}", said("mistake.register_end")
+    if register.readable and READ[register.table] not in device.read_functions:
+        yield "table", register.table, _needed(READ[register.table], "read_functions", device.read_functions)
+    if not register.writable:
+        return
+    function = WRITE_ONE if register.words == 1 and WRITE_ONE in device.write_functions else WRITE_SEVERAL
+    if register.table != "holding":
+        yield "table", register.table, "holding"
+    elif function not in device.write_functions:
+        told = f"{WRITE_ONE}" if register.words == 1 else f"{WRITE_SEVERAL}"
+        yield "writable", "true", _needed(told, "write_functions", device.write_functions)
+    elif register.words > max(1, device.max_write):
+        yield "type", register.type.value, said("mistake.needs_max_write", words=register.words)
+
+
+def _needed(function: int | str, key: str, known: Sequence[object]) -> str:
+    return said("mistake.needs_function", function=function, key=key, known=", ".join(map(str, known)) or "[]")
+
+
+def _file_of(data: PointData, sources: Sequence[Source]) -> Table:
+    return next((source for source in sources if data.point.key in source.data), sources[0]).table()
 
 
 def _splits(one: Register | None, other: Register) -> bool:

@@ -24,6 +24,10 @@ def read_setpoints(
                 sentences.add(row, name, bound)
             elif not is_number(bound):
                 row.note(name, bound, NUMBER_EXPECTED)
+        fixed = is_number(low) and is_number(high)
+        if fixed and low > high:
+            row.note("low", low, said("mistake.pair", pair="low, high", order="low <= high"))
+            fixed = False
         setpoint = Setpoint(
             key=key,
             low=str(low),
@@ -35,7 +39,7 @@ def read_setpoints(
             options=options,
             stopped_only=row.flag("stopped_only"),
             warning=row.text("warning", ""),
-            default=row.number("default", None),
+            default=row.number("default", None, *((low, high) if fixed else ())),
             certainty=row.text("certainty", ""),
         )
         if row.has("address"):

@@ -37,7 +37,7 @@ label = "x"
 def read(folder: Path, points: str = POINTS, commands: str = COMMANDS) -> tuple[EquipmentType, list[Problem]]:
     kind = folder / "thing"
     kind.mkdir()
-    (kind / "device.toml").write_text('label = "x"\n[device]\n')
+    (kind / "device.toml").write_text('label = "x"\n[device]\nread_functions = [3, 4]\n')
     (kind / "points.toml").write_text(points)
     (kind / "commands.toml").write_text(commands)
     data, problems = types.read_type("thing", (), folder)
