@@ -7,6 +7,7 @@ import asyncio
 import json
 import os
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -36,6 +37,13 @@ def conform(
             "staged and not committed, commands that must be refused. Nothing moves; a button that somebody holds is let go.",
         ),
     ] = False,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=NUMBER",
+            help="What the plant file says of how many the machine has (belts=5, merges=1); may be repeated. Else as many as usual.",
+        ),
+    ] = None,
     patience: Annotated[int, typer.Option(min=50, max=60000, help="Time the PLC is given to answer, in ms.")] = 2000,
     json_: Annotated[bool, typer.Option("--json", help="One JSON document instead of lines.")] = False,
     language: Annotated[str, typer.Option(help="hr, en, de or cs; else that of the terminal.")] = "",
@@ -50,7 +58,8 @@ def conform(
         lang = language or terminal_language(os.environ, texts.languages)
         if lang not in texts.languages:
             raise ConfigurationError(f"--language {lang}: expected one of {', '.join(texts.languages)}")
-        data = _type(kind)
+        given = _given(option or ())
+        data = _type(kind, given)
         found = asyncio.run(_examine(host, port, unit, patience / 1000, data, write=write))
     except (ConfigurationError, NotConnected) as error:
         for line in str(error).splitlines():
@@ -64,6 +73,7 @@ def conform(
             "server": tcp,
             "unit": unit,
             "type": kind,
+            "options": given,
             "wrote": write,
             "rules": rules,
         }
@@ -127,7 +137,20 @@ def _exchange(transport: "TcpTransport", unit: int, patience: float) -> "Exchang
     return exchange
 
 
-def _type(name: str) -> "TypeData":
+def _given(options: Sequence[str]) -> dict[str, float]:
+    given = {}
+    for text in options:
+        name, equals, number = text.partition("=")
+        try:
+            given[name] = float(number)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise ConfigurationError(f"--option {text}: expected NAME=NUMBER, such as belts=5")
+    return given
+
+
+def _type(name: str, given: Mapping[str, float]) -> "TypeData":
     from app.plant import types
 
     found = {}
@@ -137,7 +160,22 @@ def _type(name: str) -> "TypeData":
             found[each] = data
     if name not in found:
         raise ConfigurationError(f"--type {name}: expected one of {', '.join(found)}")
-    return found[name]
+    usual = found[name]
+    for option, value in given.items():
+        if option not in usual.counted:
+            known = (
+                f"one of {', '.join(sorted(usual.counted))}" if usual.counted else f"none: a {name} has no such numbers"
+            )
+            raise ConfigurationError(f"--option {option}={value:g}: expected {known}")
+        low, high = usual.type.ranges[option]
+        if not low <= value <= high or value % 1:
+            raise ConfigurationError(f"--option {option}={value:g}: expected a whole number from {low:g} to {high:g}")
+    if not given:
+        return usual
+    data, problems = types.read_type(name, ["en"], given=given)
+    if problems:
+        raise ConfigurationError("\n".join(map(str, problems)))
+    return data
 
 
 def _host(text: str) -> tuple[str, int]:

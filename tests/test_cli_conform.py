@@ -15,6 +15,8 @@ from tests.test_docs import COMMANDS
 
 pytestmark = pytest.mark.real_time
 
+CONVEYOR = ["--tcp", "127.0.0.1:502", "--type", "conveyor"]
+
 
 async def test_a_simulated_plc_is_examined_in_lines_and_in_json() -> None:
     plant = simulation()
@@ -62,6 +64,12 @@ async def test_a_device_that_is_no_plc_has_no_header() -> None:
         (["--tcp", "127.0.0.1:0", "--type", "crane"], "expected the port that is really open"),
         (["--tcp", "127.0.0.1:502", "--type", "eura_e800"], "expected one of coil_car, conveyor, crane, sequence"),
         (["--tcp", "127.0.0.1:502", "--type", "crane", "--language", "fr"], "--language fr: expected one of"),
+        ([*CONVEYOR, "--option", "merges"], "--option merges: expected NAME=NUMBER, such as belts=5"),
+        ([*CONVEYOR, "--option", "merges=x"], "--option merges=x: expected NAME=NUMBER"),
+        ([*CONVEYOR, "--option", "merges=5"], "--option merges=5: expected a whole number from 0 to 4"),
+        ([*CONVEYOR, "--option", "merges=0.5"], "--option merges=0.5: expected a whole number from 0 to 4"),
+        ([*CONVEYOR, "--option", "lanes=1"], "expected one of belts, gates, merges, scanner, sensors"),
+        (["--tcp", "127.0.0.1:502", "--type", "crane", "--option", "merges=1"], "expected none: a crane has no such"),
     ],
 )
 async def test_what_makes_no_sense_is_told_and_not_tried(arguments: Sequence[str], told: str) -> None:

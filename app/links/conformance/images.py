@@ -1,7 +1,8 @@
 """Rules of the images: generations, spare words, values that mean something, the settings in effect."""
 
 import asyncio
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from math import isnan
 
 from app.errors import BadAnswer, DeviceException, NoAnswer
 from app.links.conformance.finding import Broken, Skipped, at, refusal, require, require_none, several, span
@@ -61,7 +62,8 @@ async def swap(subject: Subject) -> None:
 
 
 async def spare(subject: Subject) -> None:
-    """Words without a meaning are 0: what stands there belongs to another place."""
+    """Words without a meaning are 0: what stands there belongs to another place. Where a larger machine of the type has a number, NaN says
+    that there is none."""
     wrong = []
     for image in subject.own_images:
         words = subject.images.get(image.address)
@@ -69,9 +71,11 @@ async def spare(subject: Subject) -> None:
             continue
         used = [point.register for point in subject.points_in(image) if point.register]
         first = image.address + (2 if image == subject.map.settings else 1)
-        for place in free_words(used, first, image.address + image.words - 1):
-            if words[place - image.address]:
-                wrong.append(at(place, words[place - image.address]))
+        free = {
+            place: words[place - image.address] for place in free_words(used, first, image.address + image.words - 1)
+        }
+        empty = set(_without_number(free)) if subject.counted else set()
+        wrong += [at(place, word) for place, word in free.items() if word and place not in empty]
     require(not wrong, several(wrong), "0")
 
 
@@ -79,6 +83,13 @@ def free_words(used: Sequence[Register], first: int, end: int) -> Iterator[int]:
     """Addresses from `first` up to `end` that no register takes."""
     taken = {register.address + n for register in used for n in range(register.words)}
     return (place for place in range(first, end) if place not in taken)
+
+
+def _without_number(free: Mapping[int, int]) -> Iterator[int]:
+    """The words of `free` (address → word) that are a NaN, two and two."""
+    for place, word in free.items():
+        if place + 1 in free and isnan(plc_map.real_of(number((word, free[place + 1])))):
+            yield from (place, place + 1)
 
 
 async def values(subject: Subject) -> None:

@@ -52,6 +52,8 @@ class Subject:
         self.columns: Mapping[str, Mapping[str, Point]] = {
             key: {name: cell.point for name, cell in cells.items()} for key, cells in data.columns.items()
         }
+        self.counted = bool(data.counted)
+        """Whether a machine of the type may have more of something than this one."""
         self.shifted = False
         """Whether its registers count from 1."""
         self.first: Look | None = None
@@ -64,8 +66,10 @@ class Subject:
 
     @property
     def own_images(self) -> Sequence[Image]:
-        """Those of the type, settings last."""
-        return (*self.map.images, *((self.map.settings,) if self.map.settings else ()))
+        """Those of the type that the map of the server has, settings last."""
+        minor = self.first.words[plc_map.AT_MINOR] if self.first else plc_map.MINOR
+        images = [image for image in self.map.images if image.since <= minor]
+        return (*images, *((self.map.settings,) if self.map.settings else ()))
 
     @property
     def all_images(self) -> Sequence[Image]:

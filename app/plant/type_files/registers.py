@@ -82,7 +82,7 @@ def _unreached(register: Register, device: Device) -> Iterator[tuple[str, str, s
         return
     function = WRITE_ONE if register.words == 1 and WRITE_ONE in device.write_functions else WRITE_SEVERAL
     if register.table != "holding":
-        yield "table", register.table, "holding"
+        yield "table", register.table, said("mistake.as_is", what="holding")
     elif function not in device.write_functions:
         told = f"{WRITE_ONE}" if register.words == 1 else f"{WRITE_SEVERAL}"
         yield "writable", "true", _needed(told, "write_functions", device.write_functions)

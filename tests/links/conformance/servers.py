@@ -48,12 +48,13 @@ def simulation() -> SimPlant:
 
 
 @asynccontextmanager
-async def scanning(kind: str) -> AsyncIterator[tuple[Bus, int]]:
-    """The line and the unit of a machine of type `kind`, 15 s after it was switched on, its PLC scanning every 10 ms.
+async def scanning(kind: str, of: Plant | None = None) -> AsyncIterator[tuple[Bus, int]]:
+    """The line and the unit of a machine of type `kind`, 15 s after it was switched on, its PLC scanning every 10 ms; `of` the demo plant
+    unless another one is given.
 
     A plant of its own for every test: where a product is does not depend on which test ran before.
     """
-    plant = SimPlant(demo(), ManualClock())
+    plant = SimPlant(of or demo(), ManualClock())
     item = next(item for item in plant.equipment.values() if item.type.name == kind)
     device = plant.devices[item.id]
     for _ in range(1500):
@@ -145,9 +146,11 @@ def command(code: int, id: int, arguments: Sequence[int] = ()) -> bytes:
     return pack(">BHHB16H", 16, plc_map.COMMAND, 16, 32, *words)
 
 
-async def judged(exchange: Exchange, kind: str, *, write: bool = True) -> dict[str, Finding]:
-    """Every finding by its rule."""
-    return {finding.rule: finding async for finding in examine(exchange, data_of(kind), write=write)}
+async def judged(
+    exchange: Exchange, kind: str, *, write: bool = True, data: TypeData | None = None
+) -> dict[str, Finding]:
+    """Every finding by its rule; `data`: of a machine that has other numbers of something than usual."""
+    return {finding.rule: finding async for finding in examine(exchange, data or data_of(kind), write=write)}
 
 
 def rules_in(found: dict[str, Finding], state: State) -> set[str]:
