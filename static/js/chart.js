@@ -101,8 +101,8 @@ export class Chart {
       if (low === null) return;
       if (pen.stepped && before !== null && first !== before) put(at, before);
       const ends = [first ?? low, last ?? high];
-      // A column of many samples that is no higher than usual is a line through its last value.
-      if (!pen.stepped && count > 3 && first !== null && last !== null && high - low <= out) put(at, last);
+      // A column of many samples that is no higher than usual is a line through its last value; after a rest, the value before held until then.
+      if (!pen.stepped && count > 3 && first !== null && last !== null && high - low <= out && (before === null || at - items[i - 1].at <= 1.5 * pen.step)) put(at, last);
       else {
         put(at, ends[0]);
         if (Math.min(...ends) - low > out) put(at, low);

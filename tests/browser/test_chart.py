@@ -22,6 +22,7 @@ SCALES = """() => { const { chart } = document.querySelector("[data-panel]"), fo
 WIDE = """() => { const { chart } = document.querySelector("[data-panel]"), pen = chart.pens.find((one) => !one.stepped);
   const [first, step] = [chart.from + 60e6, (chart.to - chart.from) / 20], told = [];
   pen.fresh = [];
+  pen.step = step;
   const column = (i) => ({ at: first + i * step, first: 10 * i, low: 10 * i, high: 10 * i + 9, last: 10 * i + 7, level: 0, count: 99 });
   pen.items = Array.from({ length: 8 }, (_, i) => column(i));
   chart.draw();
@@ -29,6 +30,14 @@ WIDE = """() => { const { chart } = document.querySelector("[data-panel]"), pen 
   const [xs, ys] = pen.line;
   for (let i = 0; i + 1 < xs.length; i++) told.push([chart.at(pen, (xs[i] + xs[i + 1]) / 2 * 1e6), (ys[i] + ys[i + 1]) / 2]);
   return told; }"""
+RESTS = """() => { const { chart } = document.querySelector("[data-panel]"), pen = chart.pens.find((one) => !one.stepped);
+  pen.fresh = [];
+  pen.step = (chart.to - chart.from) / 500;
+  const at = (part) => chart.from + part * (chart.to - chart.from), moves = { first: 0, low: -40, high: 0, last: -35, level: 0, count: 5 };
+  const stands = { first: 0, low: 0, high: 0, last: 0, level: 0, count: 1 };
+  pen.items = [0.2, 0.8].flatMap((part) => [{ ...moves, at: at(part) }, { ...stands, at: at(part) + pen.step }]);
+  chart.draw();
+  return [[0.3, 0.5, 0.79].map((part) => chart.at(pen, at(part))), chart.at(pen, at(0.8))]; }"""
 
 BEFORE = """() => { const { chart } = document.querySelector("[data-panel]"), pen = chart.pens[0];
   pen.fresh = [];
@@ -73,6 +82,14 @@ def test_a_dot_lies_on_the_line_and_at_a_column_on_its_last_value(page: Page, de
     assert len(told) > 12
     for shown, expected in told:
         assert abs(shown - expected) < 1e-6, (shown, expected)
+
+
+def test_no_line_leads_from_where_a_value_rested_to_where_it_went(page: Page, demo: PogonServer) -> None:
+    """An axis stood for a minute and then moved within one column: no ramp is drawn over the minute."""
+    seen(page, demo, "m1")
+    rested, moved = page.evaluate(RESTS)
+    assert rested == [0, 0, 0]
+    assert moved == -35
 
 
 def test_before_its_first_value_a_pen_is_nowhere(page: Page, demo: PogonServer) -> None:
