@@ -41,3 +41,15 @@ def test_nothing_of_a_machine_is_cut_at_any_size(abnormal: Page, lang: str, mach
     speak(abnormal, lang, origin(abnormal))
     found = looked_at(abnormal, origin(abnormal), pages(machine), lang)
     assert found == [], "\n".join(["", *found])
+
+
+CORNER = """() => { const [zone, stop] = [".f-cmd", ".f-cmd > .stop"].map((one) => document.querySelector(one).getBoundingClientRect());
+  return zone.right - stop.right; }"""
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (800, 480), (390, 844)])
+def test_stop_stands_in_the_right_end_of_every_faceplate(abnormal: Page, size: tuple[int, int]) -> None:
+    abnormal.set_viewport_size({"width": size[0], "height": size[1]})
+    for machine in MACHINES:
+        abnormal.goto(f"{origin(abnormal)}/equipment/{machine}/faceplate")
+        assert abnormal.evaluate(CORNER) <= 24, machine

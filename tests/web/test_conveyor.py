@@ -191,6 +191,20 @@ def test_the_last_start_of_each_belt_is_drawn_and_a_line_that_never_ran_says_so(
     assert "No start since" in never and "No stop since" in never and "c-trace" not in never
 
 
+def test_a_line_without_two_products_has_no_gap_and_nothing_is_bad_about_it(crew: Staff, line: TestClient) -> None:
+    crew.have(crew.enter("gita", "engineer"))
+    line.cookies.set("pogon_lang", "en")
+    face = line.get("/equipment/c2/faceplate").text
+    gap, none = (
+        re.search(rf'<div class="f-v" data-tag="c2.products" data-show="{when}"( hidden)?>(.*?)</div>', face, re.DOTALL)
+        for when in (">1,bad", "0,1")
+    )
+    assert gap and gap[1] and 'data-tag="c2.gap_limit"' in gap[2]
+    assert none and not none[1] and "–" in none[2]
+    told = face.replace(gap[0], "")
+    assert 'data-tag="c2.smallest_gap"' not in told and 'data-tag="c2.gap_limit"' not in told
+
+
 def test_only_the_page_of_the_line_carries_every_cell(line: TestClient) -> None:
     runtime = runtime_of(line)
     assert "c1.product_1_head" in page_tags("equipment/c1", runtime.plant, runtime.points)
