@@ -268,6 +268,26 @@ def test_the_tabs_obey_the_keyboard(sit: Sit) -> None:
     expect(page.locator("#q-tab-times")).to_be_focused()
 
 
+COVERED = """() => { const box = (e) => e.getBoundingClientRect(), tabs = box(document.querySelector(".q-tabs")), out = [];
+  for (const head of document.querySelectorAll("#q-steps thead th:not(:has(.vh))")) {
+    const words = document.createRange();
+    words.selectNodeContents(head);
+    const { left, right, width } = words.getBoundingClientRect();
+    if (width > 2 && left < tabs.right && right > tabs.left) out.push(head.textContent.trim());
+  }
+  const row = box(document.querySelector("#q-steps thead"));
+  return [out, tabs.top >= row.top - 1 && tabs.bottom <= row.bottom + 1]; }"""
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_the_switch_in_the_head_of_the_steps_covers_no_word_of_it(sit: Sit, lang: str) -> None:
+    page = sit(WHO, HOME, lang=lang)
+    for width, height in ((1280, 800), (1920, 1080)):
+        page.set_viewport_size({"width": width, "height": height})
+        covered, within = page.evaluate(COVERED)
+        assert covered == [] and within, (width, covered, within)
+
+
 @pytest.mark.parametrize("path", ["/equipment/seq1", "/equipment/seq2", "/equipment/cc1", "/forces"])
 def test_nobody_is_left_out(sit: Sit, path: str) -> None:
     page = sit(path=path)
