@@ -1,6 +1,7 @@
 // Curves over time, drawn by uPlot: each pen as the history gives it (first, low, high, last of every column), then what arrives live.
 // A pen is lifted where nothing good is known; nothing is ever drawn across a gap. Times are µs UTC, on the axis of uPlot seconds.
 import * as format from "./format.js";
+import { apart } from "./names.js";
 import * as time from "./time_axis.js";
 
 /** Dash of each pen [px]; colours are --pen-1 to --pen-6, 7 and 8 take the first two again with other dashes and markers. */
@@ -428,19 +429,18 @@ export class Chart {
       labels[i].y = Math.min(labels[i].y, last - labels[i].half);
       last = labels[i].y - labels[i].half;
     }
-    const strong = { colour: "--text", strong: true };
-    for (const { pen, x, end, y } of labels) {
+    const strong = { colour: "--text", strong: true }, most = room / ratio - 40, lines = labels.map(({ pen: { machine, label, name } }) => !double || !machine
+      ? ["", alone ? label : name] : alone && label.includes(": ") ? label.split(/: (.*)/s) : [machine, label]);
+    const words = narrow || this.mini ? [] : apart(lines.map((one) => one[1]), (text) => this.fitted(text, most, 13, true));
+    for (const [i, { pen, x, end, y }] of labels.entries()) {
       if (this.mini) { this.text(plot, pen.letter, edge + 6 * ratio, y, strong); continue; }
-      const from = edge + 2 * ratio, to = from + (narrow ? 6 : 10) * ratio, left = to + 25 * ratio, most = room / ratio - 40, colour = this.ink(pen);
+      const from = edge + 2 * ratio, to = from + (narrow ? 6 : 10) * ratio, left = to + 25 * ratio, colour = this.ink(pen);
       this.rule(plot, x < edge - 3 * ratio ? [from, end, to, y] : [Math.min(x, edge), end, from, end, to, y], { colour });
       if (narrow) { this.marker(plot, pen, to + 5 * ratio, y); continue; }
       this.rule(plot, [to, y, to + 20 * ratio, y], { colour, width: 2, dash: DASHES[pen.number - 1] });
       this.marker(plot, pen, to + 10 * ratio, y);
-      if (double && pen.machine) {
-        const [over, under] = alone && pen.label.includes(": ") ? pen.label.split(/: (.*)/s) : [pen.machine, pen.label];
-        this.text(plot, this.fitted(over, most, 12), left, y - 8 * ratio);
-        this.text(plot, this.fitted(under, most, 13, true), left, y + 7 * ratio, strong);
-      } else this.text(plot, this.fitted(alone ? pen.label : pen.name, most, 13, true), left, y, strong);
+      if (lines[i][0]) this.text(plot, this.fitted(lines[i][0], most, 12), left, y - 8 * ratio);
+      this.text(plot, words[i], left, y + (lines[i][0] ? 7 : 0) * ratio, strong);
     }
   }
 

@@ -62,6 +62,11 @@ NAMES = """() => { const { chart } = document.querySelector("[data-panel]"), mos
   const short = names.map((name) => chart.fitted(name, most, 13, true));
   return [short, short.every((name) => chart.measured(name, 13, true) <= most)]; }"""
 
+APART = """async () => { const { apart } = await import("/static/js/names.js");
+  const fit = (text) => text.length > 16 ? `${text.slice(0, 8)}…${text.slice(-7)}` : text;
+  const crane = ["Hoist, drive 1", "Hoist, drive 2", "Trolley, drive"].map((name) => `Crane 1 · ${name}: motor speed`);
+  return apart(["Ventilator 1 · Motor speed", "Ventilator 2 · Motor speed", "Axis 1 · Speed", ...crane], fit); }"""
+
 
 def seen(page: Page, server: PogonServer, machine: str) -> None:
     page.goto(f"{server.url}/equipment/{machine}")
@@ -113,3 +118,16 @@ def test_names_without_room_stay_apart(page: Page, demo: PogonServer) -> None:
     seen(page, demo, "m1")
     short, fits = page.evaluate(NAMES)
     assert len(set(short)) == 3 and all("…" in one for one in short) and fits, short
+
+
+def test_names_that_read_alike_lose_what_they_have_in_common(page: Page, demo: PogonServer) -> None:
+    seen(page, demo, "m1")
+    told = page.evaluate(APART)
+    assert told == [
+        "Ventilator 1…",
+        "Ventilator 2…",
+        "Axis 1 · Speed",
+        "Hoist, drive 1…",
+        "Hoist, drive 2…",
+        "Trolley, drive…",
+    ]
