@@ -96,7 +96,7 @@ class SavedViews:
         """Keep `query` as `name`, for oneself.
 
         Raises:
-            Refused: 422, the name is empty or too long, or there are 50 already; 409, one's own view has this name.
+            Refused: 422, the name is empty, too long or has hidden signs, or there are 50 already; 409, one's own view has this name.
         """
         called = _checked(name)
 
@@ -192,8 +192,10 @@ def _own(connection: Connection, person: Person, number: int) -> SavedView:
 
 def _checked(name: str) -> str:
     called = " ".join(name.split())
-    if not called or len(called) > LONGEST_NAME or printable(called, LONGEST_NAME) != called:
+    if not called or len(called) > LONGEST_NAME:
         raise Refused("trend.error.view_name", 422, most=LONGEST_NAME)
+    if (shown := printable(called)) != called:
+        raise Refused("trend.error.view_signs", 422, most=LONGEST_NAME, name=shown)
     return called
 
 

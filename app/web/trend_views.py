@@ -62,7 +62,7 @@ async def save(request: Request) -> Response:
 async def rename(request: Request, number: int) -> Response:
     """Call one's own view otherwise."""
     given = await fields(request, ["name"], ["view"])
-    return await _do(request, given, lambda saved: saved.rename(person_of(request), number, given["name"]))
+    return await _do(request, given, lambda saved: saved.rename(person_of(request), number, given["name"]), number)
 
 
 @router.post("/views/{number:int}/replace", dependencies=[allow("views")])
@@ -70,7 +70,7 @@ async def replace(request: Request, number: int) -> Response:
     """Have one's own view show what is on the screen now."""
     given = await fields(request, ["view"])
     return await _do(
-        request, given, lambda saved: saved.replace(person_of(request), number, _view(request, given["view"]))
+        request, given, lambda saved: saved.replace(person_of(request), number, _view(request, given["view"])), number
     )
 
 
@@ -78,21 +78,21 @@ async def replace(request: Request, number: int) -> Response:
 async def share(request: Request, number: int) -> Response:
     """Let everybody use one's own view."""
     given = await fields(request, [], ["view"])
-    return await _do(request, given, lambda saved: saved.share(person_of(request), number, True))
+    return await _do(request, given, lambda saved: saved.share(person_of(request), number, True), number)
 
 
 @router.post("/views/{number:int}/unshare", dependencies=[allow("views")])
 async def unshare(request: Request, number: int) -> Response:
     """Keep one's own view to oneself again."""
     given = await fields(request, [], ["view"])
-    return await _do(request, given, lambda saved: saved.share(person_of(request), number, False))
+    return await _do(request, given, lambda saved: saved.share(person_of(request), number, False), number)
 
 
 @router.post("/views/{number:int}/delete", dependencies=[allow("views")])
 async def remove(request: Request, number: int) -> Response:
     """Delete one's own view."""
     given = await fields(request, [], ["view"])
-    return await _do(request, given, lambda saved: saved.remove(person_of(request), number))
+    return await _do(request, given, lambda saved: saved.remove(person_of(request), number), number)
 
 
 @router.post("/last", dependencies=[allow("views")])
@@ -114,8 +114,13 @@ def _view(request: Request, text: str) -> str:
     return kept(text, view_of(request).runtime(request).clock.micros(), zone_of(request))
 
 
-async def _do(request: Request, given: dict[str, str], work: Callable[[SavedViews], Awaitable[Any]]) -> Response:
-    """Do it and draw the list anew, with what was wrong and the name that was typed; without htmx the page."""
+async def _do(
+    request: Request, given: dict[str, str], work: Callable[[SavedViews], Awaitable[Any]], number: int = 0
+) -> Response:
+    """Do it and draw the list anew, with what was wrong and the name that was typed; without htmx the page.
+
+    `number` is the view that it was done with: the focus stays there.
+    """
     drawn, problem, name = request.headers.get("hx-request") == "true", "", ""
     try:
         await work(_saved(request))
@@ -128,6 +133,7 @@ async def _do(request: Request, given: dict[str, str], work: Callable[[SavedView
             "views": await views_of(request),
             "problem": problem,
             "typed": name,
+            "done_with": number,
         }
         return view_of(request).fragment(request, "fragments/trend_views.html", **context)
     return RedirectResponse(f"/trends?{quote(given['view'], safe='=&,:%')}", 303)

@@ -84,6 +84,23 @@ def test_a_view_is_kept_and_opened_again(sit: Sit) -> None:
     assert query(page)["span"] == ["1h"] and query(page)["axis"] == ["fit"]
 
 
+def test_the_focus_stays_with_the_view_that_something_was_done_with(sit: Sit) -> None:
+    page = ready(sit())
+    menu(page, "Views")
+    page.locator("#t-view-name").fill("Pump")
+    page.keyboard.press("Enter")
+    mine = page.locator("#trend-views li", has_text="Pump").locator("summary")
+    mine.click()
+    page.locator(".t-deeds:visible [name=name]").fill("Pump 2")
+    page.keyboard.press("Enter")
+    expect(page.locator("#trend-views a", has_text="Pump 2")).to_be_visible()
+    expect(mine).to_be_focused()
+    page.keyboard.press("Enter")
+    page.locator(".t-deeds:visible button", has_text="Delete").press("Enter")
+    expect(mine).to_have_count(0)
+    expect(page.locator("#t-view-name")).to_be_focused()
+
+
 def test_the_page_begins_with_the_last_view(sit: Sit) -> None:
     page = ready(sit(path="/trends?tags=m1.current&span=24h"))
     with page.expect_response("**/trends/last") as told:

@@ -133,6 +133,7 @@ def test_a_guest_has_no_views(staff: Staff) -> None:
         ("   ", VIEW, "needs a name of 1 to 60"),
         ("x" * 61, VIEW, "needs a name of 1 to 60"),
         ("a\u202eb", VIEW, "needs a name of 1 to 60"),
+        ("a\u202eb", VIEW, "without hidden signs, not “a\\u202eb”"),
         ("taken", VIEW, "You have a view named “TAKEN” already"),
         ("empty", "span=8h", "No tag is named"),
         ("many", "tags=" + ",".join(f"m1.p{i}" for i in range(9)), "Pens: 9. At most 8"),
