@@ -50,6 +50,8 @@ REASONS = ("maintenance", "sensor", "nuisance", "test")
 """Reasons that a list offers; text `alarm.reason.<key>`."""
 MOST_AT_ONCE = 500
 """Acknowledgements in one request: no more can be on a screen."""
+SECOND_PRESS = 3_000_000
+"""For so long after one's own acknowledgement another press is the same one [µs]."""
 _UTC = ZoneInfo("UTC")
 CSV_LIST = (
     "came_utc", "came_local", "state", "priority", "source", "area", "text", "value", "limit", "duration_s", "count", "acked_by",
@@ -351,7 +353,7 @@ async def acknowledge(request: Request) -> Response:
     return answered(
         request,
         _told(request, answers),
-        "done" if any(one.outcome == "done" for one in answers) else "info",
+        "done" if any(one.outcome == "done" or _twice(request, one) for one in answers) else "info",
         typed["next"],
     )
 
@@ -370,12 +372,21 @@ async def reset(request: Request) -> Response:
     return answered(request, _view(request).text(request, "alarm.answer.reset"), "done", typed["next"])
 
 
+def _twice(request: Request, answer: Answer) -> bool:
+    """Whether the same person has just acknowledged it: a second press of the same button is no news."""
+    person, clock = person_of(request), _view(request).runtime(request).clock
+    own = answer.outcome == "already" and answer.by == (person.display or person.name)
+    return own and clock.micros() - answer.at < SECOND_PRESS
+
+
 def _told(request: Request, answers: list[Answer]) -> str:
     """What became of it, in one line."""
     view = _view(request)
     done = [one for one in answers if one.outcome == "done"]
     if done and len(done) == len(answers):
         return view.text(request, "alarm.answer.done", n=len(done))
+    if len(answers) == 1 and _twice(request, answers[0]):
+        return view.text(request, "alarm.answer.done", n=1)
     if len(answers) == 1:
         (one,) = answers
         draw = drawing(request)

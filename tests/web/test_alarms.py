@@ -243,6 +243,8 @@ def test_acknowledging_says_so_and_the_second_one_by_whom(hall: Hall) -> None:
     hall.staff.enter("ana", "operator")
     first = hall.acknowledge(occurrence, comment="I see it")
     assert (first.status_code, "1 alarm acknowledged" in first.text) == (200, True)
+    again = hall.acknowledge(occurrence)
+    assert (again.status_code, "1 alarm acknowledged" in again.text) == (200, True), "a double click is no news"
     hall.staff.enter("ivo", "operator")
     second = hall.acknowledge(occurrence)
     assert (second.status_code, "Already acknowledged by ana" in second.text) == (200, True)
