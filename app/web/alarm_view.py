@@ -315,7 +315,7 @@ class Drawing:
         told = self.runtime.alarms.annunciations.times
         return {
             "area": area,
-            "title": self._("alarm.of_area" if area else "alarm.by_area"),
+            "title": self._("alarm.of_area" if area else "alarm.by_machine" if by_machine else "alarm.by_area"),
             "rows": [(label, [counts[one] for one in PRIORITIES]) for label, counts in rows.values()],
             "newest": [(self.row(one), fmt.clock_time(one.first_true, self.zone, seconds=False)) for one in newest],
             "told": len(told),

@@ -116,3 +116,42 @@ def test_a_cold_page_is_light(browser: Browser, abnormal: Page, path: str) -> No
     assert len(came) > 10
     assert sum(came) <= LIGHT[path], sorted(map(int, came))
     context.close()
+
+
+ALONE = r"""() => { const found = [], place = (node, from, to) => {
+    const words = document.createRange();
+    words.setStart(node, from);
+    words.setEnd(node, to);
+    return words.getBoundingClientRect();
+  };
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node; (node = texts.nextNode());) {
+    const last = /(\S+)\s+(\d{1,2})\s*$/.exec(node.data);
+    if (!last || !node.parentElement.closest("td, th, h2, dt")) continue;
+    const before = place(node, last.index, last.index + last[1].length), number = last.index + last[0].lastIndexOf(last[2]);
+    if (before.width && place(node, number, number + last[2].length).top > before.top + 2) found.push(node.data.trim());
+  }
+  return found; }"""
+COVERED = """() => [...document.querySelectorAll(".pp-m")].filter((tile) => {
+  const sign = tile.querySelector("[data-mark-of] svg")?.getBoundingClientRect();
+  return sign?.width && [...tile.querySelectorAll("h2 a, .cap .when-online > *")].some((word) => [...word.getClientRects()].some((text) =>
+    text.right > sign.left && text.left < sign.right && text.bottom > sign.top && text.top < sign.bottom)); }).length"""
+
+
+def test_the_number_of_a_name_is_not_alone_in_its_last_line(abnormal: Page) -> None:
+    speak(abnormal, "hr", origin(abnormal))
+    for size in ((1280, 800), (800, 480), (390, 844)):
+        abnormal.set_viewport_size({"width": size[0], "height": size[1]})
+        for path in ("/", "/equipment/m1/drive-parameters", "/equipment/cr1/page/hoist"):
+            abnormal.goto(origin(abnormal) + path)
+            assert abnormal.evaluate(ALONE) == [], (size, path)
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_the_sign_of_an_alarm_covers_no_word_of_its_machine(abnormal: Page, lang: str) -> None:
+    speak(abnormal, lang, origin(abnormal))
+    for size in ((1280, 800), (800, 480), (1920, 1080)):
+        abnormal.set_viewport_size({"width": size[0], "height": size[1]})
+        abnormal.goto(origin(abnormal))
+        expect(abnormal.locator(".pp-m [data-mark-of] svg").first).to_be_attached()
+        assert abnormal.evaluate(COVERED) == 0, size
