@@ -14,6 +14,9 @@ from app.web.operation import Operation
 from app.web.pages import plant_of, view_of
 from app.web.tables import TableView, tables_of
 
+LONGEST_NAME = 64
+"""Of a part [characters]; a system refuses to look for files with names much longer."""
+
 router = APIRouter()
 
 
@@ -22,7 +25,8 @@ async def part(request: Request, key: str, part: str) -> HTMLResponse:
     """A part of the screen of a machine as it is now: `part_<name>.html` of its type, else the one that all types share."""
     machine = _machine(request, key)
     places = (f"screens/{machine.type.name}", "fragments")
-    templates = [f"{place}/part_{part}.html" for place in places] if part.isidentifier() else []
+    named = part.isascii() and part.isidentifier() and len(part) <= LONGEST_NAME
+    templates = [f"{place}/part_{part}.html" for place in places] if named else []
     for template in templates:
         if (bundled("templates") / template).is_file():
             return _drawn(request, machine, template)

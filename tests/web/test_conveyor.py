@@ -221,6 +221,8 @@ def test_a_product_that_has_gone_is_said_to_be_gone(crew: Staff, line: TestClien
     assert line.get("/equipment/c1/table/nothing/1").status_code == 404
     assert line.get("/equipment/c1/part/..%2Fpage").status_code == 404
     assert line.get("/equipment/c1/part/nothing").status_code == 404
+    assert line.get(f"/equipment/c1/part/{'a' * 300}").status_code == 404
+    assert line.get(f"/equipment/c1/part/{'ž' * 200}").status_code == 404
 
 
 def test_one_product_is_told_with_what_can_be_done(ivo: Operator) -> None:
