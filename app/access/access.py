@@ -153,6 +153,7 @@ class Access:
             await self.tokens.renew()
             with suppress(StorageError):
                 await self.people.watch_admins()
+                await self.sessions.write_ends()
 
     async def awaits_first(self) -> bool:
         """Whether the first account is still to be made; the terminal may have made one beside this server."""

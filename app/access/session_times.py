@@ -57,6 +57,10 @@ class SessionTimes:
         times.active = now
         return times.ends - now
 
+    def end(self, id_hash: str) -> None:
+        """It is over now, whatever is stored of it."""
+        self._times[id_hash] = _Times(self._clock.monotonic(), float("-inf"))
+
     def is_over(self, id_hash: str) -> bool:
         """Whether it is known and has ended."""
         times = self._times.get(id_hash)

@@ -19,7 +19,7 @@ from sqlalchemy import Connection, bindparam, delete, insert, literal_column, se
 from app import chance
 from app.access.audit.audit import Audit
 from app.access.audit.kinds import Kind
-from app.access.audit.line import printable
+from app.access.audit.line import Entry, printable
 from app.access.roles import Person
 from app.access.session_person import person_of, watching
 from app.access.session_times import SessionTimes, lifetime
@@ -87,6 +87,8 @@ class Sessions:
         self._times = SessionTimes(clock)
         self._known: OrderedDict[str, _Known] = OrderedDict()
         self._why: OrderedDict[str, str] = OrderedDict()
+        self._unwritten: dict[str, Callable[[Connection], tuple[bool, list[Entry]]]] = {}
+        """Hash of a session that is over → what the database did not take of it."""
         self._failures = 0
         self._epoch = 0
         """Changes that this process made: what was read before one of them is not news."""
@@ -279,10 +281,11 @@ class Sessions:
         """End one session; False when there is none.
 
         Raises:
-            StorageError: the database did not take it.
+            StorageError: the database did not take it. It is over here all the same, and written as soon as that can be done; should the
+                server end before, it is one again.
         """
 
-        def work(connection: Connection) -> tuple[bool, list[object]]:
+        def work(connection: Connection) -> tuple[bool, list[Entry]]:
             query = (
                 select(person_table.c.name).join(session_table, session_table.c.person == person_table.c.id)
             ).where(session_table.c.id_hash == id_hash)
@@ -292,11 +295,26 @@ class Sessions:
             connection.execute(delete(session_table).where(session_table.c.id_hash == id_hash))
             return True, [self._audit.entry(kind, by, name, ended=id_hash[:12])]
 
-        done = await self._audit.with_entries(work)  # type: ignore[arg-type]
-        if by.session != id_hash:
-            self.note_over([id_hash], "ended")
-        self.announce([id_hash])
-        return bool(done)
+        try:
+            return await self._audit.with_entries(work)
+        except StorageError:
+            self._times.end(id_hash)
+            self._unwritten[id_hash] = work
+            raise
+        finally:
+            if by.session != id_hash:
+                self.note_over([id_hash], "ended")
+            self.announce([id_hash])
+
+    async def write_ends(self) -> None:
+        """Write what the database did not take when sessions were ended.
+
+        Raises:
+            StorageError: it does not take it yet.
+        """
+        for id_hash, work in tuple(self._unwritten.items()):
+            await self._audit.with_entries(work)
+            self._unwritten.pop(id_hash, None)
 
     def announce(self, hashes: Collection[str]) -> None:
         """Tell the subscribers that these sessions are over."""

@@ -4,6 +4,7 @@ The sign-in is a sheet over the plant (hmi-design.md 22.1): who may watch withou
 the same for every cause.
 """
 
+from contextlib import suppress
 from typing import Any
 from urllib.parse import quote
 from zoneinfo import ZoneInfo
@@ -15,7 +16,7 @@ from app.access.accounts import Account
 from app.access.roles import Person
 from app.access.sessions import Session
 from app.access.signin import HalfIn, SignedIn
-from app.errors import Refused
+from app.errors import Refused, StorageError
 from app.web import format as fmt
 from app.web import language
 from app.web.guard import (
@@ -95,7 +96,8 @@ async def sign_out(request: Request) -> Response:
     """End this session here and in the browser."""
     person: Person | None = request.state.person
     if person is not None:
-        await people_access(request).sessions.end(person, person.session, "signout")
+        with suppress(StorageError):  # it is over here, and the browser forgets it
+            await people_access(request).sessions.end(person, person.session, "signout")
     if ticket := half_ticket(request):
         people_access(request).sign_in.forget_half(ticket)
     response = RedirectResponse("/" if guests_allowed(request.app) else "/signin", 303)

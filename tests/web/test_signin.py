@@ -185,6 +185,27 @@ def test_signing_out_ends_the_session_on_the_server(staff: Staff) -> None:
     assert staff.client.get("/account").status_code == 303
 
 
+def test_signing_out_works_while_the_disk_is_full_and_is_written_when_it_has_room(staff: Staff) -> None:
+    sid = staff.enter("chief", "admin", "engineer", "operator")
+    database = staff.access.sessions._db
+    full = "CREATE TRIGGER full BEFORE DELETE ON session BEGIN SELECT RAISE(ABORT, 'database or disk is full'); END"
+    staff.wait(database.write, lambda connection: connection.exec_driver_sql(full) and None)
+    answer = staff.post("/signout")
+    assert answer.status_code == 303 and answer.headers["clear-site-data"] == '"cache", "storage"'
+    staff.have(sid)
+    assert staff.client.get("/account").status_code == 303
+    assert staff.post("/equipment/m1/token/take").status_code == 401
+    with pytest.raises(StorageError):
+        staff.wait(staff.access.sessions.write_ends)
+    staff.wait(database.write, lambda connection: connection.exec_driver_sql("DROP TRIGGER full") and None)
+    staff.wait(staff.access.sessions.write_ends)
+    query = "SELECT count(*) FROM session WHERE id_hash = ?"
+    assert (
+        staff.wait(database.read, lambda connection: connection.exec_driver_sql(query, (hash_of(sid),)).scalar()) == 0
+    )
+    assert staff.client.get("/account").status_code == 303
+
+
 def test_an_idle_person_signs_in_again_where_they_were(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
     staff.enter("idler", "operator")
     monkeypatch.setattr("app.access.session_person.IDLE_AFTER", 0.0)
