@@ -7,10 +7,10 @@ const box = document.querySelector("[hx-target='#alarm-list']");
 const selected = document.getElementById("ack-selected"), visible = document.getElementById("ack-visible");
 const list = () => document.getElementById("alarm-list");
 const ticked = () => rows().filter((row) => row.querySelector(".ck")?.checked);
-const visibles = () => document.querySelector("#alarm-visible select");
 const untick = (which = "") => { for (const one of document.querySelectorAll(`.alist ${which} .ck:checked`)) one.checked = false; };
 const order = () => rows().map((row) => row.dataset.row).join();
 const seen = new Map(); // row → since when it can be seen
+const moved = () => window.pogon.say(document.getElementById("alarms").dataset.moved);
 let stood = order(), focused;
 
 // ---- time ------------------------------------------------------------------------------------------------------
@@ -91,6 +91,8 @@ document.addEventListener("submit", (event) => {
   if (!row || performance.now() - (seen.get(row) ?? Infinity) >= HELD) return;
   event.preventDefault();
   event.stopImmediatePropagation();
+  row.scrollIntoView({ block: "nearest" });
+  moved();
 }, true);
 
 // Acknowledged, shelved, taken out of service, brought back, reset: but for the first and the last, what one looked at may be another alarm now.
@@ -106,9 +108,9 @@ document.addEventListener("htmx:after:request", ({ target, detail: { ctx } }) =>
 document.addEventListener("click", ({ target }) => {
   if (target.closest("#ack-visible")) {
     const wanted = inSight(), dialog = document.getElementById("ack-confirm"), question = dialog.querySelector("[data-question]");
-    if (!wanted.length) return;
+    if (!wanted.length) return target.closest("[aria-disabled=true]") ? undefined : moved();
     question.textContent = question.dataset.question.replace("{n}", wanted.length);
-    visibles().replaceChildren(...wanted.map((one) => new Option("", one.dataset.row, true, true)));
+    document.querySelector("#alarm-visible select").replaceChildren(...wanted.map((one) => new Option("", one.dataset.row, true, true)));
     dialog.returnValue = "";
     dialog.showModal();
   } else if (target.closest(".a-new")) {
@@ -117,7 +119,7 @@ document.addEventListener("click", ({ target }) => {
   }
 });
 document.addEventListener("close", ({ target }) => {
-  if (target.id === "ack-confirm" && target.returnValue === "yes") visibles().form.requestSubmit();
+  if (target.id === "ack-confirm" && target.returnValue === "yes") document.getElementById("alarm-visible").requestSubmit();
 }, true);
 document.addEventListener("change", ({ target }) => {
   if (target.matches(".alist .ck")) {

@@ -52,15 +52,13 @@ banner.addEventListener("submit", (event) => {
   if (shown().occurrence === occurrence && performance.now() - drawn >= GUARD) return;
   event.preventDefault();
   event.stopPropagation();
+  window.pogon.say(banner.dataset.moved);
 }, true);
 
 document.addEventListener("keydown", (event) => {
-  if (event.ctrlKey || event.altKey || event.metaKey || event.shiftKey || document.querySelector("dialog[open]")) return;
-  if (event.key !== "F8") return;
+  if (event.key !== "F8" || event.ctrlKey || event.altKey || event.metaKey || event.shiftKey || document.querySelector("dialog[open]")) return;
   event.preventDefault();
-  const selected = document.getElementById("ack-selected");
-  if (selected && selected.getAttribute("aria-disabled") !== "true") selected.click();
-  else document.getElementById("banner-ack")?.click();
+  (document.querySelector("#ack-selected:not([aria-disabled=true])") ?? document.getElementById("banner-ack"))?.click();
 });
 
 // ---- announcements ----------------------------------------------------------------------------------------------

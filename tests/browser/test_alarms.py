@@ -93,9 +93,30 @@ def test_a_press_right_after_the_banner_changed_was_meant_for_another_alarm(oper
     )
     operator.trip(1, 4)
     expect(page.locator("body")).to_have_attribute("data-pressed", "1", timeout=30_000)
+    expect(page.locator("#message")).to_contain_text("Nothing was acknowledged")  # a press is never met with silence
     page.wait_for_timeout(800)
     expect(page.locator("#alarms strong")).to_have_text("Converter: overcurrent")
     page.keyboard.press("F8")
+    expect(page.locator("#message")).to_contain_text("1 alarm acknowledged")
+
+
+@pytest.mark.parametrize("button", ["tr[data-unack] [data-ack]", "#ack-visible[aria-disabled=false]"])
+def test_a_press_on_what_the_list_has_only_just_shown_is_told(operator: Operator, button: str) -> None:
+    page = operator.page
+    operator.go("/alarms")
+    page.evaluate(
+        """(wanted) => new MutationObserver((_, watcher) => {
+            const button = document.querySelector(wanted);
+            if (button) { watcher.disconnect(); button.click(); }
+        }).observe(document.body, { childList: true, subtree: true, attributes: true })""",
+        button,
+    )
+    operator.trip(1, 4)
+    expect(page.locator("#message")).to_contain_text("Nothing was acknowledged", timeout=30_000)
+    expect(page.locator("#ack-confirm")).to_be_hidden()
+    page.wait_for_timeout(700)
+    expect(page.locator("tr[data-unack]")).to_have_count(1)
+    page.locator("tr[data-unack] [data-ack]").click()
     expect(page.locator("#message")).to_contain_text("1 alarm acknowledged")
 
 
