@@ -8,6 +8,9 @@ from urllib.parse import urlsplit
 from starlette.requests import HTTPConnection
 
 COOKIE = "pogon_lang"
+PAGE = "x-page-language"
+"""Header by which a page that is open already asks for parts of itself: it stays in one language, also when another one was chosen since
+in another window of the same browser, and what is typed there is read in it."""
 YEAR = 365 * 86400
 """How long a choice is kept [s]."""
 LONGEST_ACCEPT, LONGEST_CODE = 500, 16
@@ -22,7 +25,9 @@ def language_of(request: HTTPConnection) -> str:
     """The language of this request's answer, among those of the plant."""
     languages: Sequence[str] = request.app.state.view.languages(request)
     accept = request.headers.get("accept-language", "")[:LONGEST_ACCEPT]
-    return _chosen(request.cookies.get(COOKIE, "")[:LONGEST_CODE], accept, tuple(languages))
+    page = request.headers.get(PAGE, "")[:LONGEST_CODE]
+    chosen = page if page in languages else request.cookies.get(COOKIE, "")[:LONGEST_CODE]
+    return _chosen(chosen, accept, tuple(languages))
 
 
 def choose(cookie: str, accept: str, languages: Sequence[str]) -> str:

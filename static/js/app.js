@@ -18,6 +18,7 @@
     htmx_before_request: (element, { ctx }) => { if (renewed(element)) ctx.fetch = whole; },
     htmx_after_request: (element, { ctx }) => { ctx.text = withoutScripts(ctx.text); },
     htmx_config_request: (element, { ctx }) => {
+      ctx.request.headers["X-Page-Language"] = body.dataset.lang;
       if (element.dataset.liveOnly && body.dataset.live === "offline") {
         say(element.dataset.liveOnly, "error");
         return false;
@@ -187,8 +188,7 @@
     const now = new Date(Date.now() + ahead), time = form.format(now);
     if (time === last) return;
     last = face.textContent = time;
-    const written = date.format(now);
-    const local = body.dataset.lang === "en" ? written : written.replaceAll("/", ".");
+    const written = date.format(now), local = body.dataset.lang === "en" ? written : written.replaceAll("/", ".");
     const whole = `${name.format(now).replace(".", "")} ${local}`;
     if (day.textContent !== whole) day.textContent = whole;
   }

@@ -7,7 +7,7 @@ export async function answered(url, { fields, limit = 8000, keepalive = false, s
   body?.set("csrf", csrf());
   try {
     const late = AbortSignal.timeout(limit), ends = signal ? AbortSignal.any([signal, late]) : late;
-    const answer = await fetch(url, { method: body ? "POST" : "GET", body, keepalive, headers: { "HX-Request": "true" }, signal: ends });
+    const answer = await fetch(url, { method: body ? "POST" : "GET", body, keepalive, headers: { "HX-Request": "true", "X-Page-Language": document.body.dataset.lang }, signal: ends });
     return { ok: answer.ok, status: answer.status, headers: answer.headers, text: await answer.text() };
   } catch {
     return null;

@@ -80,6 +80,23 @@ def test_the_alarm_of_a_point_takes_the_place_of_its_pointer(operator: Operator)
     expect(arrow).to_be_visible()
 
 
+def test_an_open_page_stays_in_its_language_when_another_window_chooses_one(operator: Operator) -> None:
+    page = operator.page
+    operator.go("/equipment/m1")
+    other = page.context.new_page()
+    other.goto(f"{operator.server.url}/equipment/m2")
+    other.evaluate("() => document.querySelector('form[action=\"/language\"] [value=de]').click()")
+    expect(other.locator("html")).to_have_attribute("lang", "de")
+    operator.trip(1, 4)
+    expect(page.locator("#alarms strong")).to_have_text("Converter: overcurrent", timeout=30_000)
+    expect(other.locator("#alarms strong")).to_have_text("Umrichter: Überstrom", timeout=30_000)
+    page.locator("[data-token]").first.click()
+    expect(page.locator("#message")).to_contain_text("Control taken")
+    other.evaluate("() => document.querySelector('form[action=\"/language\"] [value=en]').click()")
+    expect(other.locator("html")).to_have_attribute("lang", re.compile("en"))
+    other.close()
+
+
 def test_a_press_right_after_the_banner_changed_was_meant_for_another_alarm(operator: Operator) -> None:
     page = operator.page
     operator.go("/")

@@ -1,8 +1,10 @@
 """Which language a person gets, and that a choice never leads away from here."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from app.web.language import choose, local_path
+from app.web.language import COOKIE, PAGE, choose, language_of, local_path
 
 PLANT = ["hr", "en", "de", "cs"]
 
@@ -24,6 +26,32 @@ PLANT = ["hr", "en", "de", "cs"]
 )
 def test_the_choice_then_the_browser_then_the_plant_decides(cookie: str, accept: str, expected: str) -> None:
     assert choose(cookie, accept, PLANT) == expected
+
+
+class _Asked:
+    """A request, as far as `language_of` looks at one."""
+
+    def __init__(self, cookie: str, shown: str) -> None:
+        self.headers = {"accept-language": "cs"} | ({PAGE: shown} if shown else {})
+        self.cookies = {COOKIE: cookie} if cookie else {}
+        self.app = SimpleNamespace(state=SimpleNamespace(view=SimpleNamespace(languages=lambda _: PLANT)))
+
+
+@pytest.mark.parametrize(
+    ("cookie", "shown", "expected"),
+    [
+        ("de", "en", "en"),
+        ("de", "", "de"),
+        ("", "hr", "hr"),
+        ("de", "fr", "de"),
+        ("de", "x" * 999, "de"),
+        ("", "", "cs"),
+    ],
+)
+def test_parts_of_an_open_page_are_in_its_language_whatever_was_chosen_since(
+    cookie: str, shown: str, expected: str
+) -> None:
+    assert language_of(_Asked(cookie, shown)) == expected  # type: ignore[arg-type]
 
 
 def test_a_plant_with_one_language_has_one_language() -> None:
