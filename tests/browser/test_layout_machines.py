@@ -53,3 +53,15 @@ def test_stop_stands_in_the_right_end_of_every_faceplate(abnormal: Page, size: t
     for machine in MACHINES:
         abnormal.goto(f"{origin(abnormal)}/equipment/{machine}/faceplate")
         assert abnormal.evaluate(CORNER) <= 24, machine
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_the_button_of_a_parameter_is_in_sight_without_scrolling_sideways(abnormal: Page, lang: str) -> None:
+    """Of a drive with several objects, too: its table has one column more."""
+    speak(abnormal, lang, origin(abnormal))
+    for machine in ("m1", "a1"):
+        for width in (1280, 1920):
+            abnormal.set_viewport_size({"width": width, "height": 800})
+            abnormal.goto(f"{origin(abnormal)}/equipment/{machine}/drive-parameters")
+            beyond = abnormal.locator(".dp-scroll").evaluate("(table) => table.scrollWidth - table.clientWidth")
+            assert beyond <= 0, (machine, width)
