@@ -2,12 +2,15 @@
 
 import asyncio
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from struct import pack, unpack
 
 import pytest
 
+from app import bundled
+from app.plant import types
 from app.plant.loader import read_plant
 from app.settings import Settings
 from app.sim import type_tests
@@ -144,6 +147,29 @@ def test_a_mistake_in_its_files_is_told_with_its_place(
     assert old in text
     path.write_text(text.replace(old, new, 1), "utf-8")
     assert any(told in one for one in mistakes(folder)), mistakes(folder)
+
+
+def test_every_type_of_ours_can_be_one_of_a_plant_and_has_pages_there(tmp_path: Path) -> None:
+    folder, kinds = tmp_path / "plant", types.names()
+    text = '[plant]\nname = "Yard"\ntimezone = "UTC"\n[links.l]\ntransport = "tcp"\nhost = "127.0.0.1"\nport = 502\n'
+    for unit, kind in enumerate(kinds, 1):
+        shutil.copytree(types.EQUIPMENT / kind, folder / "equipment" / f"our_{kind}")
+        text += f'[equipment.{kind[:2]}{unit}]\ntype = "our_{kind}"\nlink = "l"\nunit = {unit}\n'
+        text += 'preset = "model"\n' if kind == "conveyor" else ""
+        text += 'definition = "coil_transport"\nmachine = "co1"\n' if kind == "sequence" else ""
+    shutil.copytree(bundled("plants/demo") / "sequences", folder / "sequences")
+    (folder / "plant.toml").write_text(text, "utf-8")
+    with house(Settings(plant=folder, data=tmp_path / "data")) as browser:
+        runtime = runtime_of(browser)
+        assert runtime.plant is not None, runtime.problems
+        assert {item.type.name for item in runtime.plant.equipment.values()} == {f"our_{kind}" for kind in kinds}
+        ana = Operator(Staff(browser), "ana", ("engineer", "operator"))
+        for machine in runtime.plant.equipment:
+            for page in ("", "/faceplate", "/commands", "/events"):
+                answer = ana.get(f"/equipment/{machine}{page}", fragment=page == "/commands")
+                assert answer.status_code == 200 or page == "/events", (machine, page)
+                assert not re.search(r"\[our_\w+\.\w|\[(point|command|choice)\.", words(answer.text)), (machine, page)
+        assert ana.get("/", fragment=False).status_code == 200
 
 
 def test_its_name_is_its_own(tmp_path: Path) -> None:
