@@ -34,6 +34,8 @@ router = APIRouter()
 
 MAIN = ""
 """Name of the page of a type that has no name."""
+VALUES = "values"
+"""That of the page that every machine has without a tab: all that it reports, also what its own pages do not draw."""
 
 
 def view_of(request: Request) -> View:
@@ -84,12 +86,14 @@ async def _screen(request: Request, key: str, name: str) -> HTMLResponse:
     plant, view = plant_of(request), view_of(request)
     machine = plant.equipment.get(key)
     pages = pages_of(machine.type) if machine else []
-    if machine is None or name not in pages:
+    if machine is None or name not in (*pages, VALUES):
         raise HTTPException(404)
     operation = Operation(request, machine)
     drawn = operation.equipment
     members = areas(plant)[machine.area]
     up = "/" if len(members) == 1 else address_of_area(machine.area, members)
+    if name not in pages:
+        up = operation.url
     return view.page(
         request,
         own_template(machine.type, f"page_{name}" if name else "page", "layouts/machine.html"),

@@ -107,3 +107,26 @@ def test_the_work_of_a_page_is_done_beside_the_loop(monkeypatch: pytest.MonkeyPa
     monkeypatch.setitem(screens._MODULES, "eura_e800", work)
     found = asyncio.run(screens.worked("eura_e800", "second", BOSS, {}))
     assert isinstance(found, int) and found != threading.get_ident()
+
+
+def test_all_that_a_machine_reports_stands_on_a_page_that_is_no_tab(client: TestClient) -> None:
+    """Of the drive the block 0x1000 to 0x1018 as a whole: what its own page does not draw, too."""
+    client.cookies.set("pogon_lang", "en")
+    page = client.get("/equipment/m1/page/values")
+    assert page.status_code == 200 and tabs(page.text) == []
+    shown = re.findall(r'<th scope="row"><span class="row">(.*?) <', page.text)
+    block = {
+        "Digital inputs",
+        "Digital outputs",
+        "Analog input 1",
+        "Analog output 2",
+        "PID setpoint",
+        "Stage speed",
+        "Number of poles",
+    }
+    assert block | {"Speed", "Output current", "External counter", "Control mode"} <= set(shown)
+    assert not {"Rated voltage", "Command register", "Frequency setpoint"} & set(shown)
+    assert 'href="/equipment/m1/page/values"' in client.get("/equipment/m1/faceplate").text
+    for machine in ("c1", "cc1", "seq1", "cr1", "a1"):
+        assert client.get(f"/equipment/{machine}/page/values").status_code == 200, machine
+    assert client.get("/equipment/nobody/page/values").status_code == 404
