@@ -114,7 +114,8 @@ def test_all_that_a_machine_reports_stands_on_a_page_that_is_no_tab(client: Test
     client.cookies.set("pogon_lang", "en")
     page = client.get("/equipment/m1/page/values")
     assert page.status_code == 200 and tabs(page.text) == []
-    shown = re.findall(r'<th scope="row"><span class="row">(.*?) <', page.text)
+    shown = re.findall(r'<th scope="row">\s*<span class="row">(.*?) <|<dt>(.*?)</dt>', page.text)
+    shown = [quantity or other for quantity, other in shown]
     block = {
         "Digital inputs",
         "Digital outputs",
