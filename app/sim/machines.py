@@ -1,7 +1,7 @@
 """Every machine that can be simulated: each folder here is one, named after its equipment type.
 
-Its package holds `build`, which makes the virtual device of an equipment, and `FAULTS`, the status codes that it takes as a machine fault.
-A folder without `build` is mechanics that have no registers yet.
+Its package holds `build`, which makes the virtual device of an equipment (`sim/device.py` says what that is), and `FAULTS`, the status
+codes that it takes as a machine fault; one that takes none has no `FAULTS`. A folder without `build` is mechanics that have no registers yet.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,5 +22,7 @@ _FOLDERS = (
 _PACKAGES = {package.__name__.rpartition(".")[2]: package for package in _FOLDERS if hasattr(package, "build")}
 VIRTUAL_DEVICES: dict[str, Factory] = {name: package.build for name, package in _PACKAGES.items()}
 """Equipment type → what builds its virtual device."""
-MACHINE_FAULTS: Mapping[str, Sequence[int]] = {name: tuple(package.FAULTS) for name, package in _PACKAGES.items()}
+MACHINE_FAULTS: Mapping[str, Sequence[int]] = {
+    name: tuple(getattr(package, "FAULTS", ())) for name, package in _PACKAGES.items()
+}
 """Equipment type → the status codes that its virtual device takes as a machine fault (0xE010)."""

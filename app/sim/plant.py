@@ -58,10 +58,14 @@ def read_simulated(
     plant, problems = read_plant(folder, drafts=drafts)
     if plant is None:
         return None, problems
+    known = VIRTUAL_DEVICES if factories is None else factories
     for item in plant.equipment.values():
-        if plant.links[item.link].simulated:
+        if plant.links[item.link].simulated and item.type.name not in known:
+            expected = said("mistake.real_link", type=item.type.name)
+            problems.append(Problem(PLANT_FILE, f"equipment.{item.id}.link", f'"{item.link}"', expected))
+        elif plant.links[item.link].simulated:
             try:
-                _try_out(item, plant, VIRTUAL_DEVICES if factories is None else factories)
+                _try_out(item, plant, known)
             except ConfigurationError as error:
                 key, expected = f"equipment.{item.id}.simulation", said("mistake.virtual_device")
                 problems.append(Problem(PLANT_FILE, key, error.args[0], expected))

@@ -19,6 +19,7 @@ from app.sim.machines import VIRTUAL_DEVICES
 from app.sim.plant import SimPlant, read_simulated
 from app.sim.server import Openings, simulate
 from app.sim.watchdog import Watchdog
+from tests.demo_plant import DEMO
 from tests.sim.fake_device import FakeDevice
 from tests.sim.fake_plc import FakePlc
 from tests.virtual import loop_clock
@@ -83,6 +84,17 @@ def test_a_type_without_a_virtual_device_is_named() -> None:
         SimPlant(TWO_LINKS, ManualClock(), factories={"other": build})
     with pytest.raises(ConfigurationError, match="link cellar: expected one of hall, yard"):
         simulated(links=["cellar"])
+
+
+def test_a_simulated_link_of_a_machine_that_nothing_simulates_is_the_mistake(tmp_path: Path) -> None:
+    demo = (DEMO / "plant.toml").read_text("utf-8").partition("[equipment.c1]")[0]
+    (tmp_path / "plant.toml").write_text(demo, "utf-8")
+    broken, problems = read_simulated(tmp_path, {"other": build})
+    assert broken is None
+    assert {(one.key, one.value, one.expected) for one in problems} >= {
+        ("equipment.m1.link", '"hall"', "a link that is not memory: type eura_e800 has no virtual device")
+    }
+    assert not [one for one in problems if one.key.endswith(".simulation")]
 
 
 def test_units_that_collide_are_all_named() -> None:
