@@ -1,7 +1,8 @@
 """Every machine that can be simulated: each folder here is one, named after its equipment type.
 
 Its package holds `build`, which makes the virtual device of an equipment (`sim/device.py` says what that is), and `FAULTS`, the status
-codes that it takes as a machine fault; one that takes none has no `FAULTS`. A folder without `build` is mechanics that have no registers yet.
+codes that it takes as a machine fault; one that takes none has no `FAULTS`.
+A folder without `build` is mechanics that have no registers yet.
 """
 
 from collections.abc import Callable, Mapping, Sequence
