@@ -31,18 +31,21 @@ A missing file but device.toml and points.toml means: there are none of these. N
 data wins.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 
+from app import bundled
 from app.errors import ConfigurationError
 from app.plant import drive_parameters, plc, record_kinds, register_parameters
 from app.plant.definitions import EquipmentType
 from app.plant.problems import Problem
 from app.plant.said import said
 from app.plant.services import read_services
-from app.plant.tables import MISSING, Source, Table
+from app.plant.tables import MISSING, Source, Table, one_of
 from app.plant.texts import FALLBACK, read_product
 from app.plant.training import read_training
 from app.plant.training import text_keys as training_keys
@@ -151,6 +154,12 @@ class _Files:
         return source.table()
 
 
+@cache
+def _symbols() -> frozenset[str]:
+    """What a machine may be drawn as."""
+    return frozenset(re.findall(rf'<symbol id="({SYMBOL})"', (bundled("static") / "symbols.svg").read_text("utf-8")))
+
+
 @dataclass(frozen=True, slots=True)
 class _Kin:
     """What a type takes from another one."""
@@ -183,6 +192,8 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     device = read_device(head.table("device"))
     label, area = head.text("label", "type"), head.text("area", "")
     symbol = head.text("symbol", "e-machine", pattern=SYMBOL, expected=said("mistake.symbol"))
+    if re.fullmatch(SYMBOL, symbol) and symbol not in _symbols():
+        head.note("symbol", symbol, one_of(sorted(_symbols()), symbol))
     sequence = head.flag("sequence")
     options = read_options(head, name, sequence=sequence)
     actions, simulation_presets = read_actions(head, sequence=sequence), read_simulation_presets(head)

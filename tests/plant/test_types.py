@@ -114,3 +114,12 @@ def test_a_file_of_a_type_with_very_many_mistakes_is_told(tmp_path: Path) -> Non
     plant, problems = load(tmp_path, commands="".join(f"[c{number}]\nx = 1\n" for number in range(STOP_AT)))
     assert plant is None
     assert problems[0].file == "line/commands.toml" and len(problems) == MOST_PROBLEMS + 1
+
+
+def test_a_symbol_that_nobody_drew_is_named(tmp_path: Path) -> None:
+    kinds = write_type(tmp_path)
+    file = kinds / "line" / "device.toml"
+    file.write_text('symbol = "e-pmup"\n' + file.read_text("utf-8"), "utf-8")
+    (problem,) = types.read_type("line", (), kinds)[1]
+    assert (problem.key, problem.value) == ("symbol", '"e-pmup"')
+    assert "e-machine" in problem.expected

@@ -1,5 +1,9 @@
 """Every machine that can be simulated is a folder, and what it says of itself holds."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from app.plant.loader import read_plant
@@ -7,6 +11,7 @@ from app.settings import Settings
 from app.sim.device import VirtualDevice
 from app.sim.machines import MACHINE_FAULTS, VIRTUAL_DEVICES
 from app.sim.training import REG_MACHINE_FAULT
+from tests.conftest import ROOT
 
 PLANT, _ = read_plant(Settings().plant)
 MACHINES = {item.type.name: item for item in (PLANT.equipment.values() if PLANT else ())}
@@ -38,3 +43,17 @@ def test_the_seed_decides_and_nothing_else(kind: str) -> None:
         return words
 
     assert run(4) == run(4)
+
+
+@pytest.mark.real_time
+def test_a_machine_that_takes_no_fault_names_none(tmp_path: Path) -> None:
+    (tmp_path / "scale").mkdir()
+    (tmp_path / "scale" / "__init__.py").write_text("def build(item, seed): ...\n", "utf-8")
+    asked = f"""
+import app.sim
+app.sim.__path__.append({str(tmp_path)!r})
+from app.sim.machines import MACHINE_FAULTS, VIRTUAL_DEVICES
+print("scale" in VIRTUAL_DEVICES, MACHINE_FAULTS["scale"])
+"""
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, cwd=ROOT, timeout=60)
+    assert (done.stdout, done.stderr) == ("True ()\n", "")
