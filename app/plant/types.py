@@ -102,8 +102,8 @@ def read_own_type(
     name: str, languages: Sequence[str], plant: Path, *, spoken: Sequence[str], given: Mapping[str, float]
 ) -> tuple[TypeData, list[Problem]]:
     """As `read_type`, of `equipment/<name>` in the folder `plant`, which is data alone: its links lead nowhere else, and no Python of it
-    is run. A text that it asks for and has in none of its languages is a problem, too."""
-    data, problems = _read_files(_Files(plant / OWN / name, name, given, own=True), languages, spoken)
+    is run. A text that none of its languages has is a problem, too; one that a language lacks is shown with its mark."""
+    data, problems = _read_files(_Files(plant / OWN / name, name, given, own=True), languages, ())
     if not problems:
         known = {key for texts in (*data.type.texts.values(), read_product()[FALLBACK]) for key in texts}
         asked = (key for key in sorted(set(text_keys(data)) - known) if f"{key}.other" not in known)

@@ -203,7 +203,7 @@ def test_it_has_no_virtual_device_and_none_of_its_python_is_run(tmp_path: Path) 
     plant = folder / "plant.toml"
     text = plant.read_text("utf-8").replace('"tcp"', '"memory"').replace('host = "127.0.0.1"\nport = 502\n', "")
     plant.write_text(text, "utf-8")
-    assert [problem.key for problem in read_simulated(folder)[1]] == ["equipment.p1.simulation"]
+    assert [problem.key for problem in read_simulated(folder)[1]] == ["equipment.p1.link"]
 
 
 def test_a_link_out_of_the_plant_folder_is_not_followed(tmp_path: Path) -> None:

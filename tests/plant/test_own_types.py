@@ -1,0 +1,106 @@
+"""A plant folder may bring types of its own, `equipment/<type>/`: read as ours are, never run as Python, never from outside of it."""
+
+from pathlib import Path
+
+import pytest
+
+from app.plant.changes import compare
+from app.plant.loader import read_plant
+from app.plant.problems import Problem
+
+PLANT = """
+[plant]
+name = "Waterworks"
+timezone = "Europe/Zagreb"
+languages = ["hr", "en"]
+[links.line]
+transport = "tcp"
+host = "127.0.0.1"
+[equipment.w1]
+type = "scale"
+link = "line"
+unit = 1
+label = "Scale 1"
+"""
+FILES = {
+    "device": 'label = "type"\narea = "scales"\n[device]\n',
+    "points": '[weight]\naddress = 1\nunit = "kg"\n',
+    "texts.en": 'type = "Scale"\narea = "Scales"\npoint.weight = "Weight"\n',
+}
+
+
+def written(folder: Path, plant: str = PLANT, name: str = "scale", **files: str) -> Path:
+    kind = folder / "equipment" / name
+    kind.mkdir(parents=True)
+    for file, text in {**FILES, **{key.replace("_", "."): text for key, text in files.items()}}.items():
+        (kind / f"{file}.toml").write_text(text, "utf-8")
+    (folder / "plant.toml").write_text(plant, "utf-8")
+    return folder
+
+
+def problems(folder: Path) -> list[Problem]:
+    return read_plant(folder)[1]
+
+
+def test_a_plant_brings_a_type_and_what_it_lacks_in_a_language_comes_in_another(tmp_path: Path) -> None:
+    plant, found = read_plant(written(tmp_path))
+    assert plant, found
+    assert plant.equipment["w1"].points["weight"].unit == "kg"
+    assert plant.areas["scales"]["en"] == "Scales"
+    assert plant.types["scale"].texts["en"]["type"] == "Scale" and plant.types["scale"].texts["hr"] == {}
+
+
+def test_a_mistake_is_told_with_the_place_of_the_file(tmp_path: Path) -> None:
+    (found,) = problems(written(tmp_path, points='[weight]\naddress = 1\nunits = "kg"\n'))
+    assert (found.file, found.line, found.key) == ("equipment/scale/points.toml", 3, "weight.units")
+
+
+def test_a_text_that_no_language_has_is_a_mistake(tmp_path: Path) -> None:
+    (found,) = problems(written(tmp_path, points="[weight]\naddress = 1\n[tare]\naddress = 2\n"))
+    assert (found.file, found.key, found.value) == ("equipment/scale/texts.hr.toml", "point.tare", "missing")
+
+
+def test_a_type_of_ours_is_not_replaced(tmp_path: Path) -> None:
+    found = problems(written(tmp_path, PLANT.replace('"scale"', '"conveyor"'), name="conveyor"))
+    assert [(one.file, one.value, one.expected) for one in found] == [
+        ("equipment/conveyor", "conveyor", "a name that no type of Pogon has")
+    ]
+
+
+def test_its_python_is_not_run(tmp_path: Path) -> None:
+    folder = written(tmp_path, records="")
+    (folder / "equipment/scale/records.py").write_text("raise SystemExit\n", "utf-8")
+    (folder / "equipment/scale/__init__.py").write_text("raise SystemExit\n", "utf-8")
+    (folder / "equipment/scale/records.toml").write_text("[weighing]\n", "utf-8")
+    found = problems(folder)
+    assert found and {one.file for one in found} == {"equipment/scale/records.toml"}
+
+
+def test_no_link_leads_out_of_the_folder(tmp_path: Path) -> None:
+    folder = written(tmp_path / "plant")
+    points = folder / "equipment/scale/points.toml"
+    points.rename(tmp_path / "points.toml")
+    points.symlink_to(tmp_path / "points.toml")
+    assert [one.file for one in problems(folder)] == ["equipment/scale/points.toml"]
+
+
+def test_one_may_be_of_the_kin_of_a_type_of_ours(tmp_path: Path) -> None:
+    plant, found = read_plant(written(tmp_path, device=f'kin = "sinamics"\n{FILES["device"]}'))
+    assert plant, found
+    assert plant.types["scale"].kin == "sinamics" and plant.types["scale"].drive_parameters
+
+
+@pytest.mark.parametrize("name", ["Scale", "my-scale", "1scale", "scale.old"])
+def test_what_is_no_name_of_a_type_is_none(tmp_path: Path, name: str) -> None:
+    found, folder = problems(written(tmp_path, PLANT.replace('"scale"', f'"{name}"'), name=name))
+    assert (folder.file, folder.value) == (f"equipment/{name}", name)
+    assert (found.key, found.value) == ("equipment.w1.type", f'"{name}"')
+
+
+def test_a_change_of_it_is_a_change_of_the_plant(tmp_path: Path) -> None:
+    before, _ = read_plant(written(tmp_path))
+    (tmp_path / "equipment/scale/points.toml").write_text('[weight]\naddress = 7\nunit = "kg"\n', "utf-8")
+    after, _ = read_plant(tmp_path)
+    assert before and after
+    assert compare(before, before) == []
+    assert ("type", "changed", "scale") in [(one.what, one.kind, one.name) for one in compare(before, after)]
