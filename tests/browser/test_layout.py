@@ -155,3 +155,16 @@ def test_the_sign_of_an_alarm_covers_no_word_of_its_machine(abnormal: Page, lang
         abnormal.goto(origin(abnormal))
         expect(abnormal.locator(".pp-m [data-mark-of] svg").first).to_be_attached()
         assert abnormal.evaluate(COVERED) == 0, size
+
+
+UNSAID = """() => [...document.querySelectorAll("main tbody tr .a-open")]
+  .filter((one) => one.closest("tr").getClientRects().length && !one.getClientRects().length).map((one) => one.textContent.trim())"""
+
+
+@pytest.mark.parametrize("path", ["/alarms", "/events", "/records/passage?equipment=c1"])
+def test_on_paper_a_list_says_what_its_rows_are_about(abnormal: Page, path: str) -> None:
+    abnormal.emulate_media(media="print")
+    abnormal.goto(origin(abnormal) + path)
+    expect(abnormal.locator("main tbody .a-open").first).to_be_visible()
+    assert abnormal.evaluate(UNSAID) == []
+    abnormal.emulate_media(media="screen")
