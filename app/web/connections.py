@@ -516,6 +516,17 @@ class Socket(WebSocketsSansIOProtocol):
         else:
             super().handle_events()
 
+    def send_receive_event_to_app(self) -> None:
+        try:
+            if self.curr_msg_data_type == "text":
+                b"".join(self.frames).decode()
+        except UnicodeDecodeError:  # what a stranger sends is no error of ours with a trace in the log
+            self.frames = []
+            self.conn.fail(CloseCode.INVALID_DATA, "a text is UTF-8")
+            self.handle_parser_exception()
+        else:
+            super().send_receive_event_to_app()
+
     def _close_flood(self) -> None:
         """Say why, if it is read at all, and close: nobody waits for what is left of it."""
         self.stop_keepalive()

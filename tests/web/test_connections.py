@@ -13,6 +13,7 @@ import uvicorn
 from fastapi import FastAPI, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import PlainTextResponse, Response, StreamingResponse
 from websockets.asyncio.client import connect
+from websockets.frames import CloseCode
 
 from app.web import connections
 from app.web.connections import Connection, Doors
@@ -346,6 +347,20 @@ async def test_a_socket_that_sends_frames_without_end_is_closed(served: Served, 
     writer.close()
     assert len(heard) < 2 * (connections.FRAMES_AT_ONCE + GUARD * connections.FRAMES)
     assert await served.send(GET + b"Connection: close\r\n\r\n")
+
+
+async def test_a_text_that_is_none_closes_its_socket_and_leaves_no_trace(
+    served: Served, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("ERROR", "uvicorn.error")
+    reader, writer = await asyncio.open_connection("127.0.0.1", served.port)
+    writer.write(UPGRADE)
+    await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), GUARD)
+    writer.write(b"\x81\x82\x00\x00\x00\x00\xff\xfe")
+    heard = await asyncio.wait_for(reader.read(), GUARD)
+    writer.close()
+    assert heard[2:4] == CloseCode.INVALID_DATA.to_bytes(2, "big")
+    assert not caplog.records
 
 
 async def test_a_socket_in_everyday_use_is_not_closed(served: Served) -> None:
