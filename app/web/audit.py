@@ -1,7 +1,7 @@
 """The audit on screen and as CSV: who did what, where, from what to what, and whether the chain holds."""
 
 import re
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from typing import Any
 from urllib.parse import urlencode
 from zoneinfo import ZoneInfo
@@ -20,7 +20,7 @@ from app.errors import Refused
 from app.plant.system import SYSTEM
 from app.web import audit_words, language, page_names, typed_time
 from app.web import format as fmt
-from app.web.csv_lines import cells, locale_of
+from app.web.csv_lines import cells, locale_of, number_in
 from app.web.guard import allow, fields, people_access, person_of
 from app.web.signin import moment, view_of, zone_of
 
@@ -40,6 +40,8 @@ SETS = {
 BAD = frozenset({"refused", "failed", "unconfirmed", "unknown", "lost"})
 """What a line ended with that is marked."""
 COLUMNS = ("seq", "time", "kind", "person", "address", "object", "old", "new", "result", "reason", "text")
+WRITTEN: dict[str, Callable[[str], Any]] = {"old": number_in, "new": number_in}
+"""How a column is written, when not as the text that it is."""
 
 
 @router.get("/audit", dependencies=[allow("audit.own")])
@@ -107,7 +109,7 @@ async def _csv(request: Request, wanted: Filter, locale: str) -> AsyncIterator[b
     zone = zone_of(request)
     while lines := await access.audit.find(wanted, CSV_PAGE):
         for line in lines:
-            told = [str(getattr(line, name)) for name in COLUMNS[2:-1]]
+            told = [WRITTEN.get(name, str)(getattr(line, name)) for name in COLUMNS[2:-1]]
             times = fmt.iso(line.time, _UTC), fmt.iso(line.time, zone)
             yield cells([line.seq, *times, *told, _text(request, line)], locale)
         wanted = Filter(wanted.person, wanted.object, wanted.kind, wanted.since, wanted.until, lines[-1].seq)

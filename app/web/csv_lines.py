@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -12,11 +13,21 @@ from app.historian.export import FORMATS
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "|", "%")
 """A cell of text that begins like this is a formula to a spreadsheet; ours begins with an apostrophe then."""
+NUMBER = re.compile(r"-?(?:0|[1-9][0-9]{0,14})(?:\.[0-9]{1,15})?")
+"""As Python writes one."""
 
 
 def defused(cell: str) -> str:
-    """`cell` so that no spreadsheet takes it for a formula."""
-    return f"'{cell}" if cell.startswith(FORMULA) else cell
+    """`cell` so that no spreadsheet takes it for a formula; a sign alone, such as the unit %, is none."""
+    return f"'{cell}" if cell.startswith(FORMULA) and len(cell) > 1 else cell
+
+
+def number_in(text: str) -> str | int | float:
+    """The number that was kept as `text`, so that a cell of it has the reader's decimal sign: 30.5 is a date elsewhere. Else the text."""
+    if not NUMBER.fullmatch(text):
+        return text
+    number = float(text) if "." in text else int(text)
+    return text if "e" in str(number) else number
 
 
 def locale_of(request: Request) -> str:

@@ -10,8 +10,9 @@ import pytest
 
 from app.historian.export import FORMATS
 from app.settings import Settings
-from app.web.csv_lines import cells
+from app.web.csv_lines import cells, number_in
 from tests import virtual
+from tests.web.people import BOSS
 from tests.web.test_alarms import Hall
 
 PAGES = {
@@ -59,3 +60,20 @@ def test_numbers_have_the_decimal_sign_and_stay_numbers() -> None:
     assert cells(line) == b'1,-2.5,\'-2.5,a;b,"a,b",\r\n'
     assert cells(line, "en") == cells(line)
     assert cells(line, "hr") == b'1;-2,5;\'-2.5;"a;b";a,b;\r\n'
+
+
+def test_a_sign_alone_is_no_formula_and_stays_what_it_is() -> None:
+    assert cells(["%", "-", "%x", "=1+1"]) == b"%,-,'%x,'=1+1\r\n"
+
+
+def test_a_number_that_was_kept_as_text_has_the_decimal_sign_of_the_reader() -> None:
+    kept = ["30.5", "-2.5", "-3", "0.00001", "007", "1.2.3", "3=7.5", "operator", "", "-", "1e5"]
+    assert cells(map(number_in, kept), "hr") == b"30,5;-2,5;-3;0.00001;007;1.2.3;3=7.5;operator;;-;1e5\r\n"
+    assert cells(map(number_in, kept)) == b"30.5,-2.5,-3,0.00001,007,1.2.3,3=7.5,operator,,-,1e5\r\n"
+
+
+def test_what_a_setpoint_was_and_became_are_numbers_to_the_spreadsheet_of_the_reader(hall: Hall) -> None:
+    hall.staff.wait(hall.staff.access.audit.record, "command", BOSS, "m1.set_frequency", old=-2.5, new=30.5)
+    lines = hall.client.get("/audit.csv?locale=hr").content.decode("utf-8-sig").splitlines()
+    (row,) = [row for row in csv.DictReader(lines, delimiter=";") if row["object"] == "m1.set_frequency"]
+    assert (row["old"], row["new"]) == ("-2,5", "30,5")
