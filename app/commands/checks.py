@@ -121,7 +121,7 @@ class Checks:
         if is_pulse(machine, prepared) and prepared.command.key in machine.pulses:
             left = PULSE_PAUSE - (self._clock.monotonic() - machine.pulses[prepared.command.key])
             if left > 0:
-                reasons.append((RefusalReason("why.too_soon", {"seconds": round(left, 1)}), 409))
+                reasons.append((RefusalReason("why.too_soon", {"seconds": max(0.1, round(left, 1))}), 409))
         return reasons
 
     def task(self, order: Order, machine: Machine, prepared: Prepared) -> Task:

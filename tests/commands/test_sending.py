@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import pytest
 
+from app.commands.checks import PULSE_PAUSE
 from app.commands.lifecycle import ProgressState
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, Overtaken
+from app.plant.definitions import Scan
 from tests.commands.stand import ANA, IVO, Stand, demo_plant, refusal, settle
 
 
@@ -39,6 +41,17 @@ async def test_a_cable_pulled_during_a_start_leaves_it_unknown_and_nothing_is_se
     await stand.pass_time(30)
     assert stand.link.sent() == [("command", 1.0)]
     assert stand.drive()["status"] == 0
+
+
+async def test_who_repeats_a_reset_just_too_soon_is_not_asked_to_wait_for_nothing() -> None:
+    stand = Stand()
+    stand.set_drive(status=9)
+    stand.link.spoil = lambda *telegram: DeviceException(4)
+    await stand.ask(ANA, "reset")
+    stand.clock.advance(PULSE_PAUSE - 0.01)
+    stand.publish("m1", Scan.FAST, Scan.SLOW)
+    last = await refusal(stand, ANA, "reset")
+    assert (last.reason, last.params["seconds"]) == ("why.too_soon", 0.1)
 
 
 async def test_a_reset_that_the_drive_refuses_with_exception_04_failed() -> None:
