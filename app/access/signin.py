@@ -146,6 +146,7 @@ class SignIn:
         if not done:
             await self._failed(key, address, "changed", delay)
         self._throttle.clear(key)
+        self._throttle.give_back(address)
         if isinstance(done, str):
             return self._half_in(_Half(row.id, key, done, self._clock.monotonic() + HALF_LIFE, family(agent), old_sid))
         return self._entered(*done, old_sid)
@@ -188,6 +189,7 @@ class SignIn:
         assert not isinstance(done, str)
         self.forget_half(ticket)
         self._factors.right(half.name)
+        self._throttle.give_back(address)
         return self._entered(*done, half.old_sid)
 
     def half(self, ticket: str, agent: str) -> _Half | None:

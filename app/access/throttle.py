@@ -17,7 +17,7 @@ LONGEST_DELAY = 60.0
 FORGET_AFTER = 3600.0
 """Quiet time after which the failures of an account are forgotten [s]."""
 BUCKET = 20
-"""Attempts that an address may make at once, and per minute."""
+"""Attempts that an address may make at once, and per minute; those that let somebody in do not count: a class comes from one address."""
 MOST_KEPT = 10_000
 """Accounts and addresses remembered; the longest unused go first, so memory is bounded."""
 
@@ -82,3 +82,9 @@ class Throttle:
             return False
         bucket.tokens -= 1.0
         return True
+
+    def give_back(self, address: str) -> None:
+        """The attempt that `address` took was no guess: whoever comes from there after it has it again."""
+        bucket = self._buckets.get(address)
+        if bucket is not None:
+            bucket.tokens = min(float(BUCKET), bucket.tokens + 1.0)

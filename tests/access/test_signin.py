@@ -159,6 +159,20 @@ async def test_an_address_cannot_try_more_than_twenty_a_minute(access: Access) -
     assert said == [401] * 20 + [429] * 5
 
 
+async def test_a_class_behind_one_address_signs_in_at_once_and_leaves_no_more_guesses(access: Access) -> None:
+    await add(access, "ana")
+    await add(access, "marko")
+    for _ in range(15):
+        assert await enter(access, "ana")
+        assert await enter(access, "marko")
+    said = []
+    for number in range(22):
+        with pytest.raises(Refused) as caught:
+            await enter(access, f"name{number}", "wrong")
+        said.append(caught.value.status)
+    assert said == [401] * 20 + [429] * 2
+
+
 async def test_an_old_hash_is_renewed_when_its_owner_signs_in(open_access: OpenAccess, data: Path) -> None:
     await add(open_access(), "ana")
     access = open_access(cost=Cost(passes=2, memory=64, lanes=1))
