@@ -41,7 +41,7 @@ BAD = frozenset({"refused", "failed", "unconfirmed", "unknown", "lost"})
 """What a line ended with that is marked."""
 COLUMNS = ("seq", "time", "kind", "person", "address", "object", "old", "new", "result", "reason", "text")
 WRITTEN: dict[str, Callable[[str], Any]] = {"old": number_in, "new": number_in}
-"""How a column is written, when not as the text that it is."""
+"""How a column is written for a spreadsheet, when not as the text that it is; programs get that."""
 
 
 @router.get("/audit", dependencies=[allow("audit.own")])
@@ -106,10 +106,10 @@ async def _csv(request: Request, wanted: Filter, locale: str) -> AsyncIterator[b
     access = people_access(request)
     yield "\ufeff".encode()
     yield cells([*COLUMNS[:2], "local_time", *COLUMNS[2:]], locale)
-    zone = zone_of(request)
+    zone, written = zone_of(request), WRITTEN if locale != "machine" else {}
     while lines := await access.audit.find(wanted, CSV_PAGE):
         for line in lines:
-            told = [WRITTEN.get(name, str)(getattr(line, name)) for name in COLUMNS[2:-1]]
+            told = [written.get(name, str)(getattr(line, name)) for name in COLUMNS[2:-1]]
             times = fmt.iso(line.time, _UTC), fmt.iso(line.time, zone)
             yield cells([line.seq, *times, *told, _text(request, line)], locale)
         wanted = Filter(wanted.person, wanted.object, wanted.kind, wanted.since, wanted.until, lines[-1].seq)
