@@ -99,10 +99,14 @@ def passwd(
     with opened(data, existing=True) as access:
         if initial:
             typer.echo(f"{name} initial password: {access.people.set_password_now(terminal(), name, None)}")
-            return
-        password = sys.stdin.readline().rstrip("\n") if stdin else _asked()
-        access.people.set_password_now(terminal(), name, password)
-        typer.echo(f"{name}: the password is changed, all sessions have ended")
+        else:
+            password = sys.stdin.readline().rstrip("\n") if stdin else _asked()
+            access.people.set_password_now(terminal(), name, password)
+            typer.echo(f"{name}: the password is changed, all sessions have ended")
+        if any(account.disabled for account in access.people.now() if account.name == name):
+            typer.echo(
+                f"pogon: {name} is disabled and cannot sign in: an administrator enables people on Users", err=True
+            )
 
 
 @user_cli.command("role")

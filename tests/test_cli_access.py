@@ -188,6 +188,17 @@ def test_a_password_is_set_by_typing_by_pipe_or_anew(pogon: Pogon, tmp_path: Pat
     passwords.close()
 
 
+def test_a_password_of_somebody_disabled_says_that_he_stays_so(pogon: Pogon, tmp_path: Path) -> None:
+    pogon("user", "add", "ana")
+    assert "disabled" not in pogon("user", "passwd", "ana", "--initial").output
+    db = sqlite3.connect(tmp_path / "data" / "pogon.db")
+    db.execute("update person set disabled = 1")
+    db.commit()
+    db.close()
+    done = pogon("user", "passwd", "ana", "--initial")
+    assert done.exit_code == 0 and "ana is disabled" in done.stderr
+
+
 def test_roles_are_a_set(pogon: Pogon) -> None:
     pogon("user", "add", "ana", "--role", "admin")
     assert pogon("user", "role", "ana", "admin", "engineer").output == "ana: admin, engineer\n"

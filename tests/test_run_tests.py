@@ -134,7 +134,7 @@ def test_a_stage_is_asked_only_for_files_that_speak_of_it() -> None:
     asked = ["tests/links/test_tcp.py::test_a", "tests/links/test_planner.py", "tests/sim"]
     assert within(real, asked) == [
         "tests/links/test_tcp.py::test_a",
-        *(f"tests/sim/test_{name}.py" for name in ("plant", "server", "simulate_process")),
+        *(f"tests/sim/test_{name}.py" for name in ("machines", "plant", "server", "simulate_process")),
     ]
     assert within(behind, asked) == asked
 

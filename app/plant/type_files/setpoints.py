@@ -28,11 +28,15 @@ def read_setpoints(
         if fixed and low > high:
             row.note("low", low, said("mistake.pair", pair="low, high", order="low <= high"))
             fixed = False
+        bounds: dict[str, str] = {}
+        normal = None if row.has("address") else points.normal(row, bounds)  # else its point has it
+        if bounds:
+            row.note("normal", row.raw("normal"), NUMBER_EXPECTED)
         setpoint = Setpoint(
             key=key,
             low=str(low),
             high=str(high),
-            normal=points.normal(row, {}),
+            normal=normal,
             role=row.text("role", "engineer", choices=ROLES),
             group=row.text("group", ""),
             code=row.text("code", ""),

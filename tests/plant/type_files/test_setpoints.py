@@ -14,6 +14,7 @@ MISTAKES = [
     ("setpoints", 'role = "operator"', 'role = "boss"', "delay.role", "viewer, operator, engineer, admin"),
     ("setpoints", "[delay]", "[dilay]", "dilay.address", "an address, or a key of points.toml"),
     ("setpoints", "low = 5", "lowest = 5", "speed.lowest", "no such key"),
+    ("setpoints", "[delay]", '[delay]\nnormal = ["0.5 * length", 9]', "delay.normal", "a number"),
 ]
 
 
