@@ -680,7 +680,8 @@ class World:
                 alarms.hiding.put_back(id, person)
         with suppress(StorageError):
             await alarms.journal.flush()
-            self.hidden[id, HIDDEN_AS[how]] += 1
+            if not self.down:  # else a server that had died meanwhile says so, which nobody hears
+                self.hidden[id, HIDDEN_AS[how]] += 1
 
     def _hidable(self, number: int, how: str) -> str:
         """An alarm that can be put aside, more often one that stands, or one that can be brought back; nothing when there is none."""
