@@ -8,7 +8,7 @@ within a quarter of a second (`counts`), and in the database as soon as it takes
 import asyncio
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from app.access.roles import Person
 from app.alarms.alarm_list import AlarmList
@@ -191,11 +191,11 @@ class AlarmEngine:
     async def acknowledge(self, occurrences: Iterable[int], person: Person, comment: str = "") -> list[Answer]:
         """Acknowledge these occurrences; each has its answer. A late one for an occurrence that is over never meets the next one.
 
-        Returns when it is in the journal, or when the database has not taken it for 2 s: it is acknowledged all the same.
+        Returns when it is in the journal, or when the database has not taken it for 2 s: it is acknowledged all the same, not `stored`.
         """
         answers = [self._acknowledge(occurrence, person, comment) for occurrence in dict.fromkeys(occurrences)]
-        await self.journal.settle()
-        return answers
+        stored = await self.journal.settle()
+        return [replace(one, stored=stored) if one.outcome in ("done", "already") else one for one in answers]
 
     def _acknowledge(self, occurrence: int, person: Person, comment: str) -> Answer:
         watch = self._occurrences.present(occurrence)
@@ -208,8 +208,8 @@ class AlarmEngine:
         self.system.seen(watch)
         return Answer(occurrence, "done", watch.id, watch.acked_by, watch.acked_at)
 
-    async def reset(self, occurrence: int, person: Person, comment: str = "") -> None:
-        """Release a latched alarm whose condition is over and which is acknowledged.
+    async def reset(self, occurrence: int, person: Person, comment: str = "") -> bool:
+        """Release a latched alarm whose condition is over and which is acknowledged; whether it is in the journal already.
 
         Raises:
             Refused: 409 with the reason; 404 for an occurrence that is not there.
@@ -220,7 +220,7 @@ class AlarmEngine:
         result = self._states.apply(watch, AlarmEvent.RESET, person=person, comment=comment)
         if result.entry is None:
             raise Refused(result.refused or "alarm.why.not_latched", 409)
-        await self.journal.settle()
+        return await self.journal.settle()
 
     # ---- what runs ------------------------------------------------------------------------------------
 

@@ -168,13 +168,14 @@ class JournalQueue:
                 log.warning("alarm journal written again records=%d", len(records))
                 self._turn(healthy=True)
 
-    async def settle(self) -> None:
-        """Return when everything is in the journal, or when the database has not taken it for 2 s: then it waits in memory."""
+    async def settle(self) -> bool:
+        """True when everything is in the journal; False when the database has not taken it for 2 s: then it waits in memory."""
         try:
             async with asyncio.timeout(SETTLE_LIMIT):
                 await asyncio.shield(self.flush())
         except (StorageError, TimeoutError):
-            return
+            return False
+        return True
 
     async def close(self) -> None:
         """Write what waits, for the last time."""

@@ -111,6 +111,8 @@ class Answer:
     by: str = ""
     at: int = 0
     """When it was acknowledged [µs UTC]."""
+    stored: bool = True
+    """False: done, and in memory only, as the database has not taken it; lost if the server stops before it does."""
 
 
 @dataclass(slots=True)

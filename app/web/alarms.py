@@ -355,6 +355,7 @@ async def acknowledge(request: Request) -> Response:
         _told(request, answers),
         "done" if any(one.outcome == "done" or _twice(request, one) for one in answers) else "info",
         typed["next"],
+        stored=all(one.stored for one in answers),
     )
 
 
@@ -366,10 +367,10 @@ async def reset(request: Request) -> Response:
         raise Refused("access.form_field", 422, field="occurrence")
     person, engine = person_of(request), _engine(request)
     one = engine.find(int(typed["occurrence"]))
-    await engine.reset(int(typed["occurrence"]), person)
+    stored = await engine.reset(int(typed["occurrence"]), person)
     access = _view(request).runtime(request).access
     await access.audit.record("alarm.reset", person, object=one.id if one else "", new=typed["occurrence"])
-    return answered(request, _view(request).text(request, "alarm.answer.reset"), "done", typed["next"])
+    return answered(request, _view(request).text(request, "alarm.answer.reset"), "done", typed["next"], stored=stored)
 
 
 def _twice(request: Request, answer: Answer) -> bool:
@@ -394,8 +395,10 @@ def _told(request: Request, answers: list[Answer]) -> str:
     return view.text(request, "alarm.answer.some", done=len(done), others=len(answers) - len(done))
 
 
-def answered(request: Request, text: str, kind: str, next: str) -> Response:
-    """The outcome: a line for the script, or back to where the form stood."""
+def answered(request: Request, text: str, kind: str, next: str, *, stored: bool) -> Response:
+    """The outcome: a line for the script, or back to where the form stood. What is not `stored` yet is no success without a word."""
+    if not stored:
+        text, kind = _view(request).text(request, "alarm.answer.unstored", text=text), "error"
     if request.headers.get("hx-request") == "true":
         return _view(request).fragment(request, "fragments/alarm_answer.html", text=text, kind=kind)
     return RedirectResponse(language.local_path(next or "/alarms"), 303)

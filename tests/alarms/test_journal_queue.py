@@ -27,7 +27,9 @@ async def test_a_database_that_does_not_take_the_journal_stops_nothing(plot: Plo
 
     plot.database.write = full  # type: ignore[method-assign, assignment]
     (answer,) = await engine.acknowledge([engine.list.active()[0].occurrence], ANA)
-    assert answer.outcome == "done"
+    assert (answer.outcome, answer.stored) == ("done", False)
+    (late,) = await engine.acknowledge([99], ANA)
+    assert (late.outcome, late.stored) == ("gone", True), "nothing of it waits"
     assert not engine.journal.healthy
     assert "sys.journal_waiting" in [one.id for one in engine.list.active()]
     plot.database.write = write  # type: ignore[method-assign]

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from app.access.audit.search import Filter
+from app.errors import StorageError
 from app.plant.alarm_class import AlarmClass
 from app.settings import Settings
 from tests import virtual
@@ -133,3 +134,34 @@ def test_the_dialog_offers_what_the_class_allows_and_the_server_refuses_the_rest
         assert ask(hall, "shelve").status_code == 409
     finally:
         hiding.classes = before
+
+
+UNSTORED = ("Još nije spremljeno", "Not stored yet", "Noch nicht gespeichert", "Zatím neuloženo")
+
+
+def test_nothing_that_the_disk_did_not_take_is_told_as_done_without_a_word(
+    hall: Hall, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hall.tell("history_quota", percent=83)
+    hall.staff.enter("eva", "engineer", "operator")
+    monkeypatch.setattr(hall.engine.journal, "_db", Full())
+    for action in ("shelve", "unshelve", "take-out", "review", "put-back"):
+        for lang, words in zip(LANGUAGES, UNSTORED, strict=True) if action == "review" else [("en", "Not stored yet")]:
+            hall.client.cookies.set("pogon_lang", lang)
+            answer = hall.staff.post(f"/alarms/{action}", ASKED[action], **{"HX-Request": "true"})
+            assert answer.status_code == 200 and 'data-kind="error"' in answer.text, (action, answer.text)
+            assert words in unescape(answer.text), (action, answer.text)
+    occurrence = hall.one(ALARM).occurrence
+    hall.client.cookies.set("pogon_lang", "en")
+    for words in ("1 alarm acknowledged. Not stored yet", "1 alarm acknowledged. Not stored yet"):
+        assert words in unescape(hall.acknowledge(occurrence).text), "a second press is told the same"
+    monkeypatch.undo()
+    assert "Shelved: " in (answer := unescape(ask(hall, "shelve").text)) and "Not stored" not in answer
+    assert hall.staff.wait(hall.engine.journal.verify).ok
+
+
+class Full:
+    """A database on a full disk."""
+
+    async def write(self, work: object) -> object:
+        raise StorageError("database or disk is full")

@@ -43,6 +43,9 @@ class AckOut(BaseModel):
     outcome: str = Field(description="done, already, gone or hidden")
     by: str
     at: datetime | None
+    stored: bool = Field(
+        description="false: in memory only, the database takes nothing now; lost if the server stops before"
+    )
 
 
 @router.get("/alarms", dependencies=[allow("view")])
@@ -62,7 +65,13 @@ async def acknowledge(
     """Acknowledge these occurrences."""
     answers = await runtime_of(request).alarms.acknowledge(occurrences, person_of(request), comment)
     return [
-        AckOut(occurrence=one.occurrence, outcome=one.outcome, by=one.by, at=to_datetime(one.at) if one.at else None)
+        AckOut(
+            occurrence=one.occurrence,
+            outcome=one.outcome,
+            by=one.by,
+            at=to_datetime(one.at) if one.at else None,
+            stored=one.stored,
+        )
         for one in answers
     ]
 
