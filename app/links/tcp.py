@@ -19,6 +19,7 @@ from pymodbus.pdu import DecodePDU, ModbusPDU
 
 from app.errors import BadAnswer, NoAnswer, NotConnected
 from app.links.contract import Block, Counts, Exchange
+from app.links.names import addresses_of
 from app.links.patience import Patience
 from app.plant.definitions import Link
 from app.registers.pdu import Request, build_request, parse_answer
@@ -27,6 +28,7 @@ CONNECT_LIMIT = 1.2
 """Longest wait for a socket [s]."""
 LARGEST = 1 << 16
 """Of what came and was not understood yet [bytes]. pymodbus throws all of it away above 264, also the answer, when others came before."""
+NAMELESS = f"no answer for this name in {CONNECT_LIMIT:g} s; is the name server there? An address needs none"
 NEVER = 1 << 40
 """pymodbus would cut the line after a few silent units; the link decides that."""
 REASONS: dict[int, str] = {
@@ -72,13 +74,16 @@ class TcpTransport:
         client.set_max_no_responses(NEVER)
         client.ctx.framer = _PlainFramer(DecodePDU(False))
         client.ctx.max_buffer_size = LARGEST
-        create, why = client.ctx.call_create, f"no answer in {CONNECT_LIMIT:g} s"
+        why = ""
 
         async def call() -> object:
             """pymodbus keeps to itself why it could not connect."""
             nonlocal why
             try:
-                return await create()
+                why = NAMELESS
+                addresses = await addresses_of(self._host)
+                why = f"no answer in {CONNECT_LIMIT:g} s"
+                return await _call(client, addresses, self._port)
             except OSError as error:
                 why = _reason_of(error)
                 raise
@@ -167,6 +172,18 @@ class TcpTransport:
         waiting: asyncio.Future[ModbusPDU] = self._client.ctx.response_future
         if not waiting.done():
             waiting.set_exception(ConnectionException(f"{self._where}: closed by the other end"))
+
+
+async def _call(client: AsyncModbusTcpClient, addresses: Sequence[str], port: int) -> object:
+    """A socket to the first of `addresses` that takes one."""
+    loop = asyncio.get_running_loop()
+    for more in range(len(addresses) - 1, -1, -1):
+        try:
+            return await loop.create_connection(client.ctx.handle_new_connection, addresses[-1 - more], port)
+        except OSError:
+            if not more:
+                raise
+    raise OSError("its name has no address")
 
 
 def _reason_of(error: OSError) -> str:

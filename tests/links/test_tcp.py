@@ -191,6 +191,8 @@ async def test_a_connection_that_is_not_to_be_had_says_why(
         assert error is not None
         raise error
 
+    known = [(socket.AF_INET, socket.SOCK_STREAM, 6, "", ("192.0.2.7", 0))]
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: known)
     monkeypatch.setattr(asyncio.get_running_loop(), "create_connection", refuse)
     with pytest.raises(NotConnected) as failed:
         await TcpTransport(Link("hall", "tcp", host="plc.hall", tcp_port=502)).connect()
