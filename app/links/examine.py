@@ -6,7 +6,7 @@ Each question is a telegram of its own in the schedule, so a write never waits f
 import asyncio
 import logging
 
-from app.errors import DeviceException, LinkError
+from app.errors import GATEWAY, BadAnswer, DeviceException, LinkError, NoAnswer
 from app.links.bus_access import BusAccess
 from app.links.contract import Block
 from app.links.scan_block import ScanBlock
@@ -17,6 +17,8 @@ log = logging.getLogger(__name__)
 
 NO_REGISTER = (2, 3)
 """Refusals that may be about the registers, or about how many there are."""
+SILENT = 2
+"""Requests without a right answer that count as a refusal, where silence is examined."""
 FIRST_LOOK, LAST_LOOK = 1.0, 60.0
 """Pauses between two looks at a refused register [s], doubling."""
 KNOWN_LOOK = 1.4
@@ -57,11 +59,24 @@ class Examiner:
         async with station.attention:
             await self._examine_alone(station, block)
 
-    async def _examine_alone(self, station: Station, block: ScanBlock) -> None:
+    async def examine_silence(self, station: Station, block: ScanBlock, error: LinkError) -> None:
+        """Silence, or too short an answer, where the unit never answered as it should: is anybody there, and for what is it silent?"""
+        async with station.attention:
+            if not block.alive:
+                return
+            self._bus.drop(block)
+            try:
+                await self._hear(station)
+            except LinkError:
+                self._bus.later(station, error)
+                return
+            await self._examine_alone(station, block, silence=True)
+
+    async def _examine_alone(self, station: Station, block: ScanBlock, *, silence: bool = False) -> None:
         if not block.alive:
             return
         self._bus.drop(block)
-        finding, function = Finding(), block.block.function
+        finding, function = Finding(silence), block.block.function
         known = set(spans_of(block.points)) if block.words is not None else set()
         try:
             await self._halve(station, function, spans_of(block.points), finding)
@@ -76,7 +91,10 @@ class Examiner:
             fallback = station.device.fallback_read
             learned.limit = fallback if 0 < fallback < block.block.count else finding.limit
             self._tell_limit(
-                station, LinkError(f"{block.block.count} registers from {block.block.address:#06x} refused")
+                station,
+                LinkError(
+                    f"{block.block.count} registers from {block.block.address:#06x} {'not answered' if silence else 'refused'}"
+                ),
             )
         learned.gaps.update((function, first, last) for first, last in finding.gaps)
         learned.bad.update((function, first, last) for first, last in finding.bad)
@@ -99,13 +117,9 @@ class Examiner:
     async def _halve(self, station: Station, function: int, spans: list[tuple[int, int]], finding: Finding) -> bool:
         """Whether the device answers the registers from the first to the last of `spans` in one read."""
         first, last = spans[0][0], max(end for _, end in spans)
-        try:
-            await self._bus.read(station, Block(first, last - first + 1, function))
+        code = await self._refusal(station, Block(first, last - first + 1, function), silence=finding.silence)
+        if not code:
             return True
-        except DeviceException as error:
-            if error.code not in NO_REGISTER:
-                raise
-            code = error.code
         if len(spans) == 1:
             finding.bad.append(spans[0])
             return False
@@ -120,6 +134,42 @@ class Examiner:
                 larger = max(end - first, last - begin) + 1
                 finding.limit = larger if finding.limit is None else min(finding.limit, larger)
         return False
+
+    async def _refusal(self, station: Station, block: Block, *, silence: bool) -> int:
+        """The code of `NO_REGISTER` with which the unit refuses `block`, 0 when it answers.
+
+        With `silence` no right answer, twice, from a unit that answers for others means the same: not all devices refuse in words.
+
+        Raises:
+            DeviceException: it has no time.
+            LinkError: it does not answer at all.
+        """
+        for _ in range(SILENT):
+            try:
+                await self._bus.read(station, block)
+                return 0
+            except DeviceException as error:
+                if error.code not in NO_REGISTER:
+                    raise
+                return error.code
+            except (NoAnswer, BadAnswer):
+                if not silence:
+                    raise
+            await self._hear(station)
+        return NO_REGISTER[0]
+
+    async def _hear(self, station: Station) -> None:
+        """Have it answer for something that it did answer.
+
+        Raises:
+            LinkError: it does not.
+        """
+        known = station.probe() if station.largest is None else station.largest
+        try:
+            await self._bus.read(station, Block(known.address, 1, known.function))
+        except DeviceException as error:
+            if error.code in GATEWAY:
+                raise NoAnswer(str(error)) from error
 
     def start_recheck(self, station: Station) -> None:
         """Look now and then whether it takes after all what it refuses."""

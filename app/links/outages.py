@@ -93,6 +93,8 @@ class Outages(Line):
             block.attempts = 0
             if block.block.count > max(station.proven, station.device.fallback_read) and station.device.fallback_read:
                 self.attend(station, self._examiner.try_smaller(station, block, error))
+            elif block.words is None and block.part is None and isinstance(error, NoAnswer | BadAnswer):
+                self.attend(station, self._examiner.examine_silence(station, block, error))
             else:
                 self._silent(station, error)
 

@@ -186,6 +186,8 @@ def _identity(reading: Reading) -> object:
 class Finding:
     """What cutting a refused block in halves has shown."""
 
+    silence: bool = False
+    """Whether it is silence that is examined."""
     bad: list[tuple[int, int]] = field(default_factory=list)
     """Registers that the device refuses alone."""
     gaps: list[tuple[int, int]] = field(default_factory=list)

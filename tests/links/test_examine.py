@@ -5,6 +5,7 @@ import logging
 
 import pytest
 
+from app.links.statistics import LinkState
 from app.plant.definitions import Device
 from app.sim.bus import Bus, LineFaultMode
 from app.tags.quality import (
@@ -73,6 +74,73 @@ async def test_a_device_that_takes_nine_registers_is_read_with_nine(kind: str) -
         assert max(count for _, count in device.reads) <= 9
         assert len(set(device.reads)) == 3
         assert line.link.stations[1].learned.limit == 9
+        assert not line.link.stations[1].learned.bad
+
+
+@pytest.mark.parametrize("kind", ["silent", "short"])
+async def test_a_device_that_does_not_say_what_is_too_much_is_read_with_less(
+    kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its type names no size to fall back to: it was up and down once a second, for ever, and not one value of it was good."""
+    device = RegisterDevice({n: n for n in range(50)})
+    bus = Bus({1: device})
+
+    async def exchange(unit: int, pdu: bytes) -> bytes | None:
+        if int.from_bytes(pdu[3:5], "big") > 16:
+            return await on_bus(bus)(unit, pdu[:3] + b"\0\x10") if kind == "short" else None
+        return await on_bus(bus)(unit, pdu)
+
+    async with running([row("m", 1, 50, QUICK)], exchange=exchange) as line:
+        await until(lambda: all(is_good(line.quality(f"m.v{n}")) for n in range(50)), 5.0)
+        ups = caplog.messages.count("link up link=hall")
+        device.requests.clear()
+        await asyncio.sleep(5)
+        assert all(is_good(line.quality(f"m.v{n}")) for n in range(50))
+        assert len(set(device.reads)) <= 5
+        assert caplog.messages.count("link up link=hall") == ups
+
+
+@pytest.mark.parametrize("later", [False, True])
+async def test_a_register_for_which_a_device_is_silent_takes_no_other_with_it(later: bool) -> None:
+    """Not every device refuses in words. The unit was up and down once a second, for ever."""
+    device = RegisterDevice({n: n for n in range(50)})
+    bus, silent = Bus({1: device}), not later
+
+    async def exchange(unit: int, pdu: bytes) -> bytes | None:
+        first, count = int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
+        return None if silent and first <= 23 < first + count else await on_bus(bus)(unit, pdu)
+
+    others = [f"m.v{n}" for n in range(50) if n != 23]
+    async with running([row("m", 1, 50, QUICK)], exchange=exchange) as line:
+        if later:
+            await until(lambda: is_good(line.quality("m.v23")))
+            silent = True
+            await until(lambda: not is_good(line.quality("m.v23")))
+        await until(lambda: all(map(is_good, map(line.quality, others))), 5.0)
+        for _ in range(50):
+            await asyncio.sleep(0.1)
+            assert all(map(is_good, map(line.quality, others)))
+        assert line.quality("m.v23") == NOT_CONNECTED | SIMULATED
+        silent = False
+        await until(lambda: line.value("m.v23") == 23)
+
+
+async def test_a_unit_that_falls_silent_while_it_is_examined_is_silent() -> None:
+    device = RegisterDevice({n: n for n in range(50)})
+    bus, answers = Bus({1: device}), 4
+
+    async def exchange(unit: int, pdu: bytes) -> bytes | None:
+        nonlocal answers
+        if int.from_bytes(pdu[3:5], "big") > 16:
+            return None
+        answers -= 1
+        return await on_bus(bus)(unit, pdu) if answers >= 0 else None
+
+    async with running([row("m", 1, 50, QUICK)], exchange=exchange) as line:
+        await until(lambda: answers < 0)
+        await until(lambda: line.link.stations[1].state is LinkState.DOWN, 2.0)
+        answers = 1000
+        await until(lambda: all(is_good(line.quality(f"m.v{n}")) for n in range(50)), 5.0)
         assert not line.link.stations[1].learned.bad
 
 
