@@ -17,6 +17,7 @@ from pymodbus.exceptions import ConnectionException, ModbusIOException
 from pymodbus.framer.socket import FramerSocket
 from pymodbus.pdu import DecodePDU, ModbusPDU
 
+from app import chance
 from app.errors import BadAnswer, NoAnswer, NotConnected
 from app.links.contract import Block, Counts, Exchange
 from app.links.names import addresses_of
@@ -26,6 +27,10 @@ from app.registers.pdu import Request, build_request, parse_answer
 
 CONNECT_LIMIT = 1.2
 """Longest wait for a socket [s]."""
+TRANSACTIONS = 65000
+"""pymodbus begins again behind that number."""
+LONGEST = 254
+"""Of what the head of an answer may announce: a unit and a PDU [bytes]."""
 LARGEST = 1 << 16
 """Of what came and was not understood yet [bytes]. pymodbus throws all of it away above 264, also the answer, when others came before."""
 NAMELESS = f"no answer for this name in {CONNECT_LIMIT:g} s; is the name server there? An address needs none"
@@ -53,6 +58,8 @@ class TcpTransport:
         self._where = f"{link.host}:{link.tcp_port}"
         self._host, self._port = link.host, link.tcp_port
         self._client: AsyncModbusTcpClient | None = None
+        self._transaction = chance.randrange(0, TRANSACTIONS)
+        """Number of the last request: a gateway may hand an answer to a former connection, or to another one, to the next that comes."""
         self._asking = False
 
     @property
@@ -101,6 +108,7 @@ class TcpTransport:
         if not _is_open(client):  # closed before pymodbus could hear of it, and it will not hear of it again
             client.close()
             raise NotConnected(f"{self._where}: closed by the other end")
+        client.ctx.next_tid = self._transaction
         self._client = client
 
     async def read(self, unit: int, block: Block, patience: float) -> list[int]:
@@ -126,6 +134,7 @@ class TcpTransport:
         """Close the socket."""
         client, self._client = self._client, None
         if client is not None:
+            self._transaction = client.ctx.next_tid
             client.close()
 
     async def _ask(self, unit: int, request: Request, patience: float) -> list[int]:
@@ -148,9 +157,8 @@ class TcpTransport:
                 answer = await client.ctx.execute(False, telegram)
         except (TimeoutError, ModbusIOException) as error:
             _raise_if_cancelled()
-            said = framer.strange
-            hint = "" if said is None else f"; answers came with unit {said}: is that its unit?"
-            raise NoAnswer(f"{self._where} unit {telegram.dev_id}: no answer in {patience:g} s{hint}") from error
+            what = f"{self._where} unit {telegram.dev_id}: no answer in {patience:g} s{framer.hint}"
+            raise NoAnswer(what) from error
         except (ConnectionException, OSError) as error:
             _raise_if_cancelled()
             raise NotConnected(f"{self._where}: connection lost") from error
@@ -232,19 +240,40 @@ class _PlainFramer(FramerSocket):
 
     strange: int | None = None
     """The unit that the last answer to a transaction named in place of the one that was asked."""
+    nonsense: bytes = b""
+    """The beginning of what came since the last answer and was no Modbus TCP."""
+
+    @property
+    def hint(self) -> str:
+        """What came in place of an answer."""
+        if self.strange is not None:
+            return f"; answers came with unit {self.strange}: is that its unit?"
+        if self.nonsense:
+            shown = self.nonsense.hex(" ")
+            return f"; bytes came that are no Modbus TCP ({shown}): is the port right, and does the gateway speak Modbus TCP?"
+        return ""
 
     def handleFrame(self, data: bytes, exp_devid: int, exp_tid: int) -> tuple[int, ModbusPDU | None]:
         """Bytes used, and the first answer to `exp_tid` of `exp_devid`; strangers are skipped."""
         used = 0
         while used < len(data):
+            if not _begins_answer(data[used : used + 6]):  # nobody can tell where the next one begins
+                self.nonsense = self.nonsense or data[used : used + 8]
+                return len(data), None
             length, unit, transaction, pdu = self.decode(data[used:])
             used += length
             if not length:
                 return used, None
             if transaction == exp_tid and unit == exp_devid and pdu:
+                self.nonsense = b""
                 telegram = _Telegram(unit, pdu)
                 telegram.transaction_id = transaction
                 return used, telegram
             if transaction == exp_tid and pdu:
                 self.strange = unit
         return used, None
+
+
+def _begins_answer(head: bytes) -> bool:
+    """Whether an answer may begin so: the protocol is 0, and what is announced is a unit and a function at least."""
+    return head[2:4] in (b"\0\0", b"\0", b"") and (len(head) < 6 or 2 <= int.from_bytes(head[4:6], "big") <= LONGEST)

@@ -5,7 +5,8 @@ import errno
 import socket
 import struct
 import threading
-from contextlib import suppress
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
 
 import pytest
@@ -218,3 +219,71 @@ async def test_a_device_that_answers_with_another_unit_is_not_read_and_its_unit_
         await transport.read(2, Block(0, 1), 0.1)
     await transport.close()
     await server.close()
+
+
+@asynccontextmanager
+async def _asking(answer: Callable[[bytes], bytes]) -> AsyncIterator[TcpTransport]:
+    """A transport that asks somebody who says `answer` to the first twelve bytes of each request."""
+    connections = set[asyncio.Task[None]]()
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with suppress(asyncio.IncompleteReadError):
+            while head := await reader.readexactly(12):
+                writer.write(answer(head))
+        writer.close()
+        await writer.wait_closed()
+
+    def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        connections.add(asyncio.create_task(serve(reader, writer)))
+
+    server = await asyncio.start_server(accept, "127.0.0.1", 0)
+    transport = TcpTransport(Link("hall", "tcp", host="127.0.0.1", tcp_port=server.sockets[0].getsockname()[1]))
+    await transport.connect()
+    try:
+        yield transport
+    finally:
+        await transport.close()
+        await asyncio.gather(*connections)
+        server.close()
+
+
+async def test_an_answer_to_a_former_connection_is_not_that_to_the_next_request() -> None:
+    """Of a gateway that keeps what its device answered until somebody is there: each connection had begun at transaction 1."""
+    owed = b""
+
+    def answer(head: bytes) -> bytes:
+        nonlocal owed
+        said, owed = owed, head[:4] + b"\0\5" + head[6:8] + b"\2" + head[8:10]
+        return said
+
+    async with _asking(answer) as transport:
+        for address in range(5):
+            with pytest.raises(NoAnswer):
+                await transport.read(1, Block(address, 1), 0.05)
+            await transport.connect()
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        (b"SSH-2.0-OpenSSH_9.2\r\n", "53 53 48 2d 32 2e 30 2d"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "48 54 54 50 2f 31 2e 31"),
+        (bytes.fromhex("01 03 02 00 07 f9 86"), "01 03 02 00 07 f9 86"),
+        (bytes.fromhex("00 01 00 00 ff ff 01 03 02 00 07"), "00 01 00 00 ff ff 01 03"),
+    ],
+    ids=["ssh", "http", "rtu", "length"],
+)
+async def test_what_is_no_modbus_tcp_is_told_as_such(said: bytes, told: str) -> None:
+    """A wrong port, and a gateway that hands a serial line through as it is, were silent to whoever looked for the reason."""
+    right = False
+    hint = rf"no answer in 0.1 s; bytes came that are no Modbus TCP \({told}\): is the port right"
+
+    def answer(head: bytes) -> bytes:
+        return head[:4] + b"\0\5" + head[6:8] + b"\2\0\7" if right else said
+
+    async with _asking(answer) as transport:
+        for _ in range(2):
+            with pytest.raises(NoAnswer, match=hint):
+                await transport.read(1, Block(0, 1), 0.1)
+        right = True
+        assert await transport.read(1, Block(0, 1), 5.0) == [7]
