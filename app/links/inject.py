@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from app.errors import ConfigurationError, DeviceException, LinkError
 from app.links.contract import Block, Transport
-from app.links.outages import TRAINING_MAGIC, TRAINING_SIMULATED, TRAINING_VERSION, TRAINING_WORDS
+from app.links.training_head import MAGIC, SIMULATED, VERSION, WORDS
 from app.registers.line_faults import LINE_FAULTS, SLOW_DELAY
 
 BASE = 0xE000
@@ -68,19 +68,19 @@ async def inject(transport: Transport, unit: int, what: Injection) -> None:
         LinkError: it did not answer, or refused a word.
     """
     try:
-        magic, flags, version, _ = await transport.read(unit, Block(BASE, TRAINING_WORDS), PATIENCE)
+        magic, flags, version, _ = await transport.read(unit, Block(BASE, WORDS), PATIENCE)
     except DeviceException as error:
         raise ConfigurationError(
             f"unit {unit} has no training registers ({error}): it is a real device, nothing was written"
         ) from error
-    if magic != TRAINING_MAGIC or not flags & TRAINING_SIMULATED:
+    if magic != MAGIC or not flags & SIMULATED:
         raise ConfigurationError(
-            f"unit {unit}: {BASE:#06x} = {magic:#06x} {flags:#06x}, expected {TRAINING_MAGIC:#06x} and the flag "
+            f"unit {unit}: {BASE:#06x} = {magic:#06x} {flags:#06x}, expected {MAGIC:#06x} and the flag "
             "simulated: it is a real device, nothing was written"
         )
-    if version != TRAINING_VERSION:
+    if version != VERSION:
         raise ConfigurationError(
-            f"unit {unit}: training registers of version {version}, expected {TRAINING_VERSION}: nothing was written"
+            f"unit {unit}: training registers of version {version}, expected {VERSION}: nothing was written"
         )
     for address, word in what.writes:
         try:

@@ -12,7 +12,6 @@ from dataclasses import replace
 from app import chance
 from app.clock import Clock
 from app.errors import GATEWAY, BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
-from app.links.contract import Block, LateAnswerDue
 from app.links.examine import NO_REGISTER, Examiner
 from app.links.line import Line
 from app.links.mailbox import MailboxUnit
@@ -23,6 +22,7 @@ from app.links.schedule import Priority
 from app.links.services import Service
 from app.links.station import Station
 from app.links.statistics import LinkState
+from app.links.training_head import look_at_head
 from app.plant.definitions import Link, MailboxMap, ParameterMap, PlcMap, UnitService
 from app.tags.database import TagDatabase
 from app.tags.quality import COMM_FAILURE, CONFIGURATION, DEVICE
@@ -52,15 +52,8 @@ REOPEN = 5.0
 """A connection that is open and on which nobody answers is opened again this often [s]."""
 RECHECK = 1.5
 """Before a unit that is not the device of the plant file is asked again what it is [s]."""
-TRAINING_WORDS = 4
-TRAINING_SPARE = 12
-"""Registers behind the head that may be read with it."""
-TRAINING_MAGIC = 0x5047
-TRAINING_SIMULATED = 0x0001
-TRAINING_VERSION = 1
-"""Head of the training registers (reference/register-map.md): magic, flags, version, type."""
-UNTOLD = (5, 6, *GATEWAY)
-"""Refusals that say nothing of the registers that were asked for: the device has no time, or a gateway speaks in its place."""
+FIRST_LOOK, LOOKS = 1.0, 6
+"""Before the first [s], doubling, and how often a device that is read is asked once more for what it did not say: if it is simulated."""
 PERMANENT_CODES = (1, 7)
 KINDS: Mapping[type[UnitService], Callable[..., Service]] = {
     PlcMap: PlcUnit,
@@ -262,6 +255,8 @@ class Outages(Line):
             self._schedule.at(block, now)
         self._wake()
         self._examiner.start_recheck(station)
+        if station.untold:
+            self.attend(station, self._look_again(station))
         self._settle()
 
     async def _identified(self, station: Station) -> bool:
@@ -280,34 +275,36 @@ class Outages(Line):
         if self.link.simulated:
             station.marked = True
             return True
-        station.marked = False
+        station.marked = station.untold = False
         if any(first <= station.device.training <= last for first, last in station.device.holes):
             return heard or await self._is_there(station)
         for _ in range(1 + RETRIES):
-            try:
-                magic, flags, version, _ = await self._read_training_head(station)
-            except DeviceException as error:
-                if error.code not in UNTOLD:
-                    return True
-                await asyncio.sleep(BUSY_PAUSE)
-                continue
-            except (NoAnswer, BadAnswer):
-                continue
-            if magic != TRAINING_MAGIC:
-                return True
-            if version != TRAINING_VERSION or not flags & TRAINING_SIMULATED:
-                log.error(
-                    "training registers not understood link=%s unit=%d flags=%#x version=%d expected=%d",
-                    self.link.name,
-                    station.number,
-                    flags,
-                    version,
-                    TRAINING_VERSION,
-                )
-                return False
-            station.marked = True
-            return True
+            told = await look_at_head(self, station)
+            if told is not None:
+                return told
+        station.untold = True
         return heard or await self._is_there(station)
+
+    async def _look_again(self, station: Station) -> None:
+        """What a device that is read did not say at the first look: its values may be those of a simulation."""
+        for turn in range(LOOKS):
+            await asyncio.sleep(FIRST_LOOK * 2**turn)
+            try:
+                told = await look_at_head(self, station)
+            except NotConnected:  # there may be other connections
+                continue
+            if told is None:
+                continue
+            if not told:
+                self.misconfigured(station, "training registers not understood")
+            if station.marked:
+                now = self._now()
+                for block in station.blocks:
+                    self._schedule.at(block, now)
+                station.tell_unreadable(self._tags, self.clock.micros())
+                self._wake()
+                self._settle()
+            break
 
     async def _is_there(self, station: Station) -> bool:
         """True: it answers for a register that it has. Where it has none it may be silent, and a gateway then refuses in its place.
@@ -323,19 +320,6 @@ class Outages(Line):
         except BadAnswer:
             pass
         return True
-
-    async def _read_training_head(self, station: Station) -> list[int]:
-        """Its words, in the shortest telegram that no earlier answer can be taken for: what lies behind them reads 0."""
-        for more in range(TRAINING_SPARE):
-            block = Block(station.device.training, TRAINING_WORDS + more)
-            try:
-                job = self.job(station.number, block, liveness=False)
-                job.quiet = True
-                words = await self.ask(job, Priority.REFRESH)
-            except LateAnswerDue:
-                continue
-            return words[:TRAINING_WORDS]
-        return await self.read(station, Block(station.device.training, TRAINING_WORDS), liveness=False, quiet=True)
 
     def replan(self, station: Station) -> None:
         """Read it by a new plan from now on."""

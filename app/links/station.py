@@ -33,6 +33,8 @@ class Station:
     """Gives the next block number of the link."""
     marked: bool = False
     """Whether it says that it is simulated."""
+    untold: bool = False
+    """Whether it was asked for that, and said nothing."""
     state: LinkState = LinkState.CONNECTING
     halted: bool = False
     """Whether its program stands still while it answers."""

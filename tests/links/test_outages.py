@@ -9,11 +9,11 @@ from random import Random
 import pytest
 
 from app.errors import DeviceException
-from app.links.outages import TRAINING_MAGIC
 from app.links.statistics import LinkState
-from app.plant.definitions import Device, Equipment, Link
+from app.links.training_head import MAGIC
+from app.plant.definitions import Device, Equipment, Link, Scan
 from app.registers.register import Type
-from app.sim.bus import Bus, LineFaultMode
+from app.sim.bus import Answer, Bus, LineFaultMode
 from app.sim.server import TcpServer
 from app.sim.training import LineFault
 from app.tags.quality import is_bad, is_good
@@ -317,7 +317,7 @@ async def test_a_silent_unit_is_not_up_for_a_moment_whenever_its_connection_is_o
 async def test_a_simulated_device_whose_first_look_is_refused_for_a_moment_is_not_taken_for_a_real_one(
     code: int,
 ) -> None:
-    head = dict(enumerate((TRAINING_MAGIC, 1, 1, 1), DRIVE.training))
+    head = dict(enumerate((MAGIC, 1, 1, 1), DRIVE.training))
     gateway = Gateway({1: RegisterDevice({0: 7, **head})}, code)
     gateway.unreached = {1}
     server = await serving(gateway)
@@ -326,6 +326,52 @@ async def test_a_simulated_device_whose_first_look_is_refused_for_a_moment_is_no
         gateway.unreached = set()
         await until(lambda: is_good(made.quality("m.v0")))
         assert made.quality("m.v0") & SIMULATED
+    await server.close()
+
+
+@pytest.mark.parametrize("lost", [2, 4])
+async def test_a_simulated_device_whose_first_looks_are_lost_is_marked_when_it_says_so(lost: int) -> None:
+    """It stayed without its mark until it was silent the next time: what it says once and never again as well."""
+
+    class Deaf(Bus):
+        def answer(self, unit: int, pdu: bytes) -> Answer:
+            nonlocal lost
+            if int.from_bytes(pdu[1:3], "big") == DRIVE.training and lost:
+                lost -= 1
+                return Answer(unit, None)
+            return super().answer(unit, pdu)
+
+    head = dict(enumerate((MAGIC, 1, 1, 1), DRIVE.training))
+    server = await serving(Deaf({1: RegisterDevice({0: 7, 1: 8, **head})}))
+    points = [point("m", "v0", 0), point("m", "once", 1, Scan.ONCE), point("m", "missing", 5)]
+    link = replace(tcp_link(server), believe_simulated=True)
+    async with running([machine("m", 1, points, DRIVE)], link=link) as made:
+        await until(lambda: is_good(made.quality("m.v0")), BACK)
+        assert not made.quality("m.v0") & SIMULATED
+        assert not made.link.simulated
+        await until(lambda: made.link.simulated, 9.0)
+        await until(lambda: all(made.quality(one.name) & SIMULATED for one in points), BACK)
+        assert is_good(made.quality("m.once"))
+    await server.close()
+
+
+async def test_a_device_that_says_nothing_of_these_registers_is_not_asked_for_ever() -> None:
+    device, asked = RegisterDevice({0: 7}), list[float]()
+
+    class Silent(Bus):
+        def answer(self, unit: int, pdu: bytes) -> Answer:
+            if int.from_bytes(pdu[1:3], "big") == DRIVE.training:
+                asked.append(asyncio.get_running_loop().time())
+                return Answer(unit, None)
+            return super().answer(unit, pdu)
+
+    server = await serving(Silent({1: device}))
+    async with running([row("m", 1, 1, DRIVE)], link=tcp_link(server)) as made:
+        await until(lambda: is_good(made.quality("m.v0")), BACK)
+        await asyncio.sleep(300)
+        assert is_good(made.quality("m.v0"))
+        assert len(asked) == 8
+        assert asked[-1] - asked[0] < 70
     await server.close()
 
 
