@@ -132,6 +132,7 @@ def check(
 
     The given/when/then tests of its sequences are run on simulated machines; one that fails makes the exit code 1.
     """
+    from app.plant.plant_files.links import same_devices
     from app.plant.sequences import unused
     from app.sim.plant import clashes_of
 
@@ -141,6 +142,14 @@ def check(
         typer.echo(f"pogon: {where}: {clash}: POGON_SERVE_MODBUS cannot serve them on one port", err=True)
         if os.environ.get("POGON_SERVE_MODBUS"):
             raise typer.Exit(2)
+    if pairs := list(same_devices(plant.links)):
+        for link, other in pairs:
+            typer.echo(
+                f"pogon: {where}/plant.toml: links.{link.name}.port = {link.port}: "
+                f"expected another device than that of {other.name}, {other.port}: they are one here",
+                err=True,
+            )
+        raise typer.Exit(2)
     for name in unused(plant):
         typer.echo(f"pogon: {where}/{name}: no equipment uses it", err=True)
     alarms = sum(len(item.alarms) for item in plant.equipment.values())

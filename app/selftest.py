@@ -27,6 +27,7 @@ from app.db import open_to_read
 from app.errors import ConfigurationError
 from app.files import open_ordinary, read_text
 from app.plant.definitions import Plant
+from app.plant.plant_files.links import same_devices
 from app.plant.problems import Problem
 from app.settings import Settings, check_places
 
@@ -95,6 +96,9 @@ def run_checks(
     for name, link in sorted(plant.links.items()) if plant else ():
         if link.transport == "rtu":
             yield _serial(name, link.port)
+    for link, other in same_devices(plant.links) if plant else ():
+        params = {"link": link.name, "port": link.port, "other": other.name, "other_port": other.port}
+        yield Finding("serial", "failed", "same", params)
 
 
 def _settings(settings: Settings) -> Iterator[Finding]:

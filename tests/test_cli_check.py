@@ -12,7 +12,7 @@ from app.plant.problems import Problem
 from app.sim import plant as sim_plant
 from tests.demo_plant import plant_folder
 from tests.plant.transport import PLANT, TYPES, write_plant, write_types
-from tests.test_selftest import CLASH
+from tests.test_selftest import CLASH, SECOND, SERIAL
 
 ALONE = PLANT.replace('machine = "p1"\n', "").partition("[equipment.p1]")[0]
 BLINK = """
@@ -155,3 +155,19 @@ def test_machines_that_cannot_be_served_on_one_port_are_told(tmp_path: Path, mon
     monkeypatch.setenv("POGON_SERVE_MODBUS", "127.0.0.1:5020")
     done = CliRunner().invoke(cli, ["check", str(tmp_path)])
     assert (done.exit_code, done.stderr.splitlines(), done.stdout) == (2, [said], "")
+
+
+@pytest.mark.parametrize("plugged_in", [True, False])
+def test_two_names_of_one_serial_device_are_told(tmp_path: Path, plugged_in: bool) -> None:
+    """The second link found out when it was started: in use by another program."""
+    device, lasting = tmp_path / "ttyUSB0", tmp_path / "by-id"
+    device.touch()
+    if plugged_in:
+        lasting.symlink_to(device)
+    (tmp_path / "plant.toml").write_text(SERIAL.format(port=device) + SECOND.format(port=lasting))
+    done = CliRunner().invoke(cli, ["check", str(tmp_path)])
+    said = (
+        f"pogon: {tmp_path}/plant.toml: links.other.port = {lasting}: "
+        f"expected another device than that of line, {device}: they are one here"
+    )
+    assert (done.exit_code, done.stderr.splitlines()) == ((2, [said]) if plugged_in else (0, []))

@@ -54,6 +54,11 @@ type = "eura_e800"
 link = "line"
 unit = 1
 """
+SECOND = """
+[links.other]
+transport = "rtu"
+port = "{port}"
+"""
 ANA = "1, 'ana', 'Ana', '', 0, NULL, 0, 'en', 'light', 1, NULL"
 """Without an account the mark of the audit would be of a plant that has lost its database."""
 
@@ -245,6 +250,18 @@ def test_a_serial_device_that_can_be_opened_is_good(data: Path, tmp_path: Path) 
     main, side = pty.openpty()
     (tmp_path / "plant.toml").write_text(SERIAL.format(port=os.ttyname(side)))
     assert findings(data, plant=tmp_path)["serial"].state == "ok"
+    os.close(main)
+    os.close(side)
+
+
+def test_a_serial_device_that_two_links_call_by_two_names_is_a_failure(data: Path, tmp_path: Path) -> None:
+    main, side = pty.openpty()
+    lasting = tmp_path / "usb-FTDI_A1-if00-port0"
+    lasting.symlink_to(os.ttyname(side))
+    (tmp_path / "plant.toml").write_text(SERIAL.format(port=os.ttyname(side)) + SECOND.format(port=lasting))
+    found = findings(data, plant=tmp_path)["serial"]
+    assert (found.state, found.key) == ("failed", "selftest.serial.same")
+    assert found.params == {"link": "other", "port": str(lasting), "other": "line", "other_port": os.ttyname(side)}
     os.close(main)
     os.close(side)
 

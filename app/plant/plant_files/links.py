@@ -1,7 +1,9 @@
 """`[links.<name>]`: by which line machines are reached."""
 
+import ipaddress
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 
 from app.addresses import names_host
 from app.plant.definitions import Link
@@ -66,8 +68,23 @@ def line_of(link: Link) -> str:
     """What `link` reaches its units by, as far as its words say: two links with the same reach the same units."""
     if link.transport == "tcp":
         host = link.host.lower().rstrip(".")
+        with suppress(ValueError):
+            host = str(ipaddress.ip_address(host))
         return f"{'127.0.0.1' if host == 'localhost' else host}:{link.tcp_port}"
     return os.path.normpath(link.port) if link.transport == "rtu" else f"link {link.name}"
+
+
+def same_devices(links: Mapping[str, Link]) -> Iterator[tuple[Link, Link]]:
+    """Pairs of links whose ports are two names of one serial device on this machine, as it is plugged in now.
+
+    Such as /dev/ttyUSB0 and its lasting name under /dev/serial/by-id. Only one of them gets it.
+    """
+    found: dict[str, Link] = {}
+    for link in links.values():
+        if link.transport == "rtu":
+            other = found.setdefault(os.path.realpath(link.port), link)
+            if other is not link:
+                yield link, other
 
 
 def _read_host(table: Table, *, needed: bool) -> str:

@@ -99,7 +99,13 @@ def test_other_units_are_as_on_a_serial_line(tmp_path: Path, unit: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("first", "second"), [("10.0.0.7", "10.0.0.7"), ("plc.hall", "PLC.hall."), ("localhost", "127.0.0.1")]
+    ("first", "second"),
+    [
+        ("10.0.0.7", "10.0.0.7"),
+        ("plc.hall", "PLC.hall."),
+        ("localhost", "127.0.0.1"),
+        ("fd00::7", "FD00:0:0:0:0:0:0:7"),
+    ],
 )
 def test_one_device_is_not_two_machines_on_two_links(tmp_path: Path, first: str, second: str) -> None:
     """Each had its own control, its own interlocks and its own people."""
