@@ -1,8 +1,8 @@
 """The control token: who may command a machine. One session at a time; Stop and acknowledge need none.
 
 It is taken, handed over, released, or lost: 10 s after the last socket of its session, or after 15 min without a command or another deed
-of the person. Whoever wants it from the holder asks; the holder has 10 s to refuse, silence yields. Nothing changes hands while a
-hold-to-run moves the machine.
+of the person. Whoever wants it from the holder asks; the holder has 10 s to refuse, silence yields to an asker who is still there: the
+request is withdrawn 10 s after the last socket of its session. Nothing changes hands while a hold-to-run moves the machine.
 """
 
 from collections.abc import Callable
@@ -250,10 +250,16 @@ class ControlToken:
             gone = now - self._closed.get(tenure.holder.session, now) >= GONE
             if gone or now - tenure.sign >= IDLE:
                 self._let_go(equipment, "lost")
-            elif tenure.request and tenure.asker and now >= tenure.request.until:
-                self._give(tenure.asker, equipment, "taken_over", tenure.holder.display)
-        held = {tenure.holder.session for tenure in self._tenures.values()}
-        self._closed = {s: at for s, at in self._closed.items() if s in held or now - at < GONE}
+            elif tenure.request and tenure.asker:
+                asker = tenure.request.session
+                if now - self._closed.get(asker, now) >= GONE:
+                    tenure.request = tenure.asker = None
+                    self._changed(equipment)
+                elif now >= tenure.request.until and asker not in self._closed:  # nobody loses it to nobody
+                    self._give(tenure.asker, equipment, "taken_over", tenure.holder.display)
+        known = {tenure.holder.session for tenure in self._tenures.values()}
+        known |= {tenure.request.session for tenure in self._tenures.values() if tenure.request}
+        self._closed = {s: at for s, at in self._closed.items() if s in known or now - at < GONE}
         self._refusals = {key: at for key, at in self._refusals.items() if now - at < PAUSE}
 
     def _may(self, person: Person) -> bool:

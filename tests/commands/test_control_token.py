@@ -146,3 +146,38 @@ def test_signing_out_frees_the_machines_and_withdraws_the_requests() -> None:
     desk.token.session_ended(ANA.session)
     assert desk.holder == ""
     assert set(desk.changed) == {"m1", "m2"}
+
+
+def test_who_asked_and_left_gets_nothing_and_the_holder_keeps_the_machine() -> None:
+    desk = Desk()
+    for who in (ANA, IVO):
+        desk.token.socket_opened(who.session)
+    desk.token.take(ANA, "m1")
+    desk.token.request(IVO, "m1")
+    desk.pass_time(2)
+    desk.token.socket_closed(IVO.session)
+    desk.pass_time(9.5)
+    assert desk.holder == "Ana"
+    assert desk.token.request_for("m1") is not None, "a page that is loaded anew is no leaving"
+    desk.changed.clear()
+    desk.pass_time(0.75)
+    assert desk.token.request_for("m1") is None
+    assert desk.changed == ["m1"]
+    desk.pass_time(60)
+    assert desk.holder == "Ana"
+    assert desk.story == ["ana taken"]
+
+
+def test_who_asked_and_loads_the_page_anew_gets_it_when_back() -> None:
+    desk = Desk()
+    for who in (ANA, IVO):
+        desk.token.socket_opened(who.session)
+    desk.token.take(ANA, "m1")
+    desk.token.request(IVO, "m1")
+    desk.pass_time(9)
+    desk.token.socket_closed(IVO.session)
+    desk.pass_time(2)
+    assert desk.holder == "Ana"
+    desk.token.socket_opened(IVO.session)
+    desk.pass_time(0.25)
+    assert desk.holder == "Ivo"
