@@ -153,6 +153,7 @@ class Access:
             await self.tokens.renew()
             with suppress(StorageError):
                 await self.people.watch_admins()
+                await self.sessions.standing.write()
                 await self.sessions.write_ends()
 
     async def awaits_first(self) -> bool:

@@ -23,6 +23,7 @@ from app.access.audit.line import Entry, printable
 from app.access.roles import Person
 from app.access.session_person import person_of, watching
 from app.access.session_times import SessionTimes, lifetime
+from app.access.standing import StandingSessions
 from app.access.tables import factor_table, person_table, role_table, session_table
 from app.clock import Clock
 from app.db import Database
@@ -85,6 +86,7 @@ class Sessions:
         self._acted: list[Callable[[Collection[str]], None]] = []
         self._touched: dict[str, float] = {}
         self._times = SessionTimes(clock)
+        self.standing = StandingSessions(db, clock, self._times)
         self._known: OrderedDict[str, _Known] = OrderedDict()
         self._why: OrderedDict[str, str] = OrderedDict()
         self._unwritten: dict[str, Callable[[Connection], tuple[bool, list[Entry]]]] = {}
@@ -178,7 +180,7 @@ class Sessions:
         wanted = [id_hash for id_hash, known in self._known.items() if known.used >= oldest]
         epoch = self._epoch
         try:
-            found = await self._db.read(lambda connection: _rows(connection, wanted)) if wanted else {}
+            found = await self._db.read(lambda connection: self._rows(connection, wanted)) if wanted else {}
         except StorageError:
             self._failures += 1
             if self._failures == MOST_FAILURES:
@@ -239,9 +241,9 @@ class Sessions:
         session = session_table.c
         rows = connection.execute(select(session_table)).all()
         over = [row.id_hash for row in rows if self._times.left(row) <= 0]
-        self._times.keep({row.id_hash for row in rows})
+        self._times.keep({row.id_hash for row in rows} | {one.id_hash for one in self.standing.all})
         connection.execute(delete(session_table).where(session.id_hash.in_([*over, replaces or ""])))
-        limit = max((LIMITS[role] for role in held), default=1)
+        limit = limit_of(held)
         kept = (
             select(session.id_hash)
             .where(session.person == person_id)
@@ -275,7 +277,8 @@ class Sessions:
         if person_id is not None:
             query = query.where(session_table.c.person == person_id)
         rows = await self._db.read(lambda connection: connection.execute(query).all())
-        return [Session(**row._mapping) for row in rows if self._times.left(row) > 0]
+        standing = [Session(**one.row) for one in self.standing.all if person_id in (None, one.person)]
+        return [*reversed(standing), *(Session(**row._mapping) for row in rows if self._times.left(row) > 0)]
 
     async def end(self, by: Person, id_hash: str, kind: Kind = "session.ended") -> bool:
         """End one session; False when there is none.
@@ -285,11 +288,13 @@ class Sessions:
                 server end before, it is one again.
         """
 
+        standing = self.standing.pop(id_hash)
+
         def work(connection: Connection) -> tuple[bool, list[Entry]]:
             query = (
                 select(person_table.c.name).join(session_table, session_table.c.person == person_table.c.id)
             ).where(session_table.c.id_hash == id_hash)
-            name = connection.execute(query).scalar()
+            name = connection.execute(query).scalar() or (standing.name if standing else None)
             if name is None:
                 return False, []
             connection.execute(delete(session_table).where(session_table.c.id_hash == id_hash))
@@ -335,7 +340,7 @@ class Sessions:
         """The session as the database has it now; it is known from now on, or no more."""
         for _ in range(3):
             epoch = self._epoch
-            found = (await self._db.read(lambda connection: _rows(connection, [id_hash]))).get(id_hash)
+            found = (await self._db.read(lambda connection: self._rows(connection, [id_hash]))).get(id_hash)
             if epoch == self._epoch:
                 break
         if found is None or found[0].disabled or self._times.left(found[0]) <= 0:
@@ -352,13 +357,15 @@ class Sessions:
         return known
 
     def _person(self, known: _Known, address: str) -> Person:
-        return person_of(known.row, known.roles, address, self._times.quiet(known.row), self._factor_roles)
+        person = person_of(known.row, known.roles, address, self._times.quiet(known.row), self._factor_roles)
+        return watching(person) if self.standing.watches_only(known.row.id_hash) else person
 
-
-def _rows(connection: Connection, hashes: Collection[str]) -> dict[str, tuple[Any, frozenset[str]]]:
-    """Session → its row with that of its person, and the roles."""
-    rows = connection.execute(_OF_HASHES, {"hashes": list(hashes)}).all()
-    return {row.id_hash: (row, roles_of(connection, row.id)) for row in rows}
+    def _rows(self, connection: Connection, hashes: Collection[str]) -> dict[str, tuple[Any, frozenset[str]]]:
+        """Session → its row with that of its person, and the roles."""
+        rows = {id_hash: (row, roles_of(connection, row.id)) for id_hash, row in self.standing.rows(connection, hashes)}
+        for row in connection.execute(_OF_HASHES, {"hashes": list(hashes)}).all():
+            rows[row.id_hash] = row, roles_of(connection, row.id)
+        return rows
 
 
 _JOINED = (
@@ -387,6 +394,11 @@ def end_all(connection: Connection, person_id: int) -> list[str]:
 def roles_of(connection: Connection, person_id: int) -> frozenset[str]:
     """The roles of a person."""
     return frozenset(connection.execute(_ROLES_OF, {"person_id": person_id}).scalars())
+
+
+def limit_of(roles: Iterable[str]) -> int:
+    """So many sessions somebody with `roles` may have at once."""
+    return max((LIMITS[role] for role in roles), default=1)
 
 
 def family(agent: str) -> str:

@@ -25,12 +25,12 @@ from app.access.factors import GOOD, Factors, factor_of, recovery_used
 from app.access.first_code import FirstCode
 from app.access.passwords import Passwords
 from app.access.roles import FIRST_ROLES
-from app.access.sessions import ID_BYTES, Sessions, family, hash_of
+from app.access.sessions import ID_BYTES, Sessions, family, hash_of, limit_of
 from app.access.tables import person_table
 from app.access.throttle import FIRST_DELAY, Throttle
 from app.clock import Clock
 from app.db import Database
-from app.errors import Refused
+from app.errors import Refused, StorageError
 
 HALF_LIFE = 300.0
 """Between the right password and the code may be so long [s]."""
@@ -104,9 +104,11 @@ class SignIn:
     ) -> SignedIn | HalfIn:
         """Open a session, in place of `old_sid`; for who has a second factor, only after `give_code`.
 
+        A database that takes nothing keeps out nobody whom it knows: the session stands in memory until it is written.
+
         Raises:
             Refused: 401 `access.failed`, the same for every cause; 429 `access.too_many`.
-            StorageError: the database did not take it.
+            StorageError: the database cannot be read, or takes nothing and the person has an initial password or a second factor.
         """
         await self._take(address)
         key = account_name(name)
@@ -142,7 +144,13 @@ class SignIn:
                 return fresh or row.password, [self._audit.entry("signin.password", who, key)]
             return self._opened(connection, again, address, agent, old_sid)
 
-        done = await self._audit.with_entries(work)
+        try:
+            done = await self._audit.with_entries(work)
+        except StorageError:
+            standing = await self._unwritten(row, address, agent, old_sid)
+            if standing is None:
+                raise
+            done = standing
         if not done:
             await self._failed(key, address, "changed", delay)
         self._throttle.clear(key)
@@ -256,6 +264,32 @@ class SignIn:
         self._first_code.used()
         self._throttle.clear(FIRST)
         return done
+
+    async def _unwritten(self, row: Any, address: str, agent: str, old_sid: str) -> tuple[SignedIn, list[str]] | None:
+        """A session in memory for who gave the right password while the database took nothing; None when it is to tell of that itself.
+
+        Initial passwords and codes are good once, which only the database can say. The line of the others is on the disk before they are
+        let in; where nothing takes that, they watch and stop.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        account, second = await self._db.read(
+            lambda connection: (account_of(connection, row), factor_of(connection, row.id))
+        )
+        if account.must_change or second is not None:
+            return None
+        sid = chance.token_urlsafe(ID_BYTES)
+        who = as_person(account, hash_of(sid), address)
+        line = self._audit.entry("signin.ok", who, account.name, agent=printable(agent, 200))
+        on_disk = await self._audit.foretell(line)
+        if not on_disk:
+            await self._audit.write(line)
+        replaces = hash_of(old_sid) if old_sid else None
+        limit = limit_of(account.roles)
+        standing = self._sessions.standing
+        ended = standing.begin(who, row.password, family(agent), limit, replaces, watching=not on_disk)
+        return SignedIn(sid, account, row.last_seen), ended
 
     def _half_in(self, half: _Half) -> HalfIn:
         now = self._clock.monotonic()

@@ -1,5 +1,6 @@
 """The pages that are not about one subject: machine; language and theme; static files and health."""
 
+from contextlib import suppress
 from typing import Annotated
 from urllib.parse import quote
 
@@ -8,6 +9,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
 from app import bundled
+from app.errors import StorageError
 from app.historian.events import has_ring
 from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.sequence_plant import commanding
@@ -145,7 +147,8 @@ async def set_language(request: Request, to: Annotated[str, Form()], next: Annot
     if to not in view_of(request).languages(request):
         raise HTTPException(400)
     if request.state.person is not None:
-        await people_access(request).own.prefer(request.state.person, language=to)
+        with suppress(StorageError):  # this browser has it
+            await people_access(request).own.prefer(request.state.person, language=to)
     return _kept(request, next, {language.COOKIE: to})
 
 
@@ -168,7 +171,8 @@ async def set_theme(
     ):
         raise HTTPException(400)
     if to and request.state.person is not None:
-        await people_access(request).own.prefer(request.state.person, theme=to)
+        with suppress(StorageError):
+            await people_access(request).own.prefer(request.state.person, theme=to)
     return _kept(request, next, chosen)
 
 

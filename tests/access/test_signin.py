@@ -9,8 +9,9 @@ from pwdlib.hashers.argon2 import Argon2Hasher
 from app.access.access import Access
 from app.access.audit.search import Filter
 from app.access.passwords import Cost
+from app.access.sessions import hash_of
 from app.clock import ManualClock
-from app.errors import Refused
+from app.errors import Refused, StorageError
 from tests.access.conftest import AGENT, PASSWORD, OpenAccess, add, boss, enter, who
 from tests.access.refusals import reason
 
@@ -211,3 +212,104 @@ async def test_unknown_names_lock_without_an_alarm(access: Access) -> None:
         with pytest.raises(Refused):
             await enter(access, "nobody", "wrong wrong wrong")
     assert told == []
+
+
+# ---- a database that takes nothing ------------------------------------------------------------------------
+
+TABLES = ("session", "audit")
+
+
+def fill(access: Access) -> None:
+    """From now on the disk is full: nothing is taken of a sign-in."""
+    for table in TABLES:
+        full = f"CREATE TRIGGER full_{table} BEFORE INSERT ON {table} BEGIN SELECT RAISE(ABORT, 'database or disk is full'); END"
+        access.sessions._db.run(lambda connection: connection.exec_driver_sql(full) and None)  # noqa: B023
+
+
+def empty(access: Access) -> None:
+    """It has room again."""
+    for table in TABLES:
+        access.sessions._db.run(lambda connection: connection.exec_driver_sql(f"DROP TRIGGER full_{table}") and None)  # noqa: B023
+
+
+async def test_a_full_disk_keeps_no_operator_out_and_all_of_it_is_written_when_it_has_room(
+    access: Access, open_access: OpenAccess
+) -> None:
+    key = await add(access, "ana", "operator")
+    fill(access)
+    sid = await enter(access, "ana")
+    person = await who(access, sid)
+    assert person is not None and person.may("stop") and person.may("operate")
+    assert access.sessions.current(person) is not None
+    assert [one.id_hash for one in await access.sessions.of(key)] == [hash_of(sid)]
+    assert await who(open_access(), sid) is None, "it is nowhere but in this server"
+    await access.sessions.renew()
+    assert await who(access, sid) is not None
+    with pytest.raises(StorageError):
+        await access.sessions.standing.write()
+    empty(access)
+    await access.sessions.standing.write()
+    await access.audit.replay()
+    assert await who(access, sid) is not None
+    assert len(await access.sessions.of(key)) == 1
+    assert await who(open_access(), sid) is not None
+    (line,) = await access.audit.find(Filter(kind="signin.ok"))
+    assert (line.person, line.result, "buffered" in line.params) == ("ana", "ok", True)
+    assert (await access.audit.check()).ok
+
+
+async def test_on_a_full_disk_wrong_passwords_and_who_may_not_come_in_stay_out(access: Access) -> None:
+    await add(access, "ana")
+    off = await add(access, "ivo")
+    await access.people.disable(boss(), off, True)
+    _, initial = await access.people.add(boss(), "late", "", ["operator"])
+    fill(access)
+    for name, password in (("ana", "wrong"), ("ivo", PASSWORD), ("nobody", PASSWORD)):
+        with pytest.raises(Refused, match=r"access\.failed"):
+            await enter(access, name, password)
+    with pytest.raises(StorageError):
+        await enter(access, "late", initial)
+    empty(access)
+    assert await enter(access, "late", initial), "it was not used up"
+
+
+async def test_where_not_even_a_line_of_the_audit_has_room_one_watches_and_stops(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def nowhere(_entry: object) -> bool:
+        return False
+
+    await add(access, "ana", "operator")
+    fill(access)
+    monkeypatch.setattr(access.audit, "foretell", nowhere)
+    sid = await enter(access, "ana")
+    person = await who(access, sid)
+    assert person is not None and person.may("stop") and not person.may("operate")
+    empty(access)
+    await access.sessions.standing.write()
+    await access.audit.replay()
+    person = await who(access, sid)
+    assert person is not None and person.may("operate")
+    assert [line.person for line in await access.audit.find(Filter(kind="signin.ok"))] == ["ana"]
+
+
+async def test_a_session_that_stands_in_memory_ends_as_others_do(access: Access, open_access: OpenAccess) -> None:
+    key = await add(access, "ana", "operator")
+    fill(access)
+    first = await enter(access, "ana")
+    for _ in range(3):
+        newest = await enter(access, "ana")
+    assert await who(access, first) is None, "three at once are enough"
+    person = await who(access, newest)
+    assert person is not None
+    with pytest.raises(StorageError):
+        await access.sessions.end(person, person.session, "signout")
+    assert await who(access, newest) is None
+    last = await enter(access, "ana")
+    empty(access)
+    open_access().people.set_password_now(boss(), "ana", "sasvim druga dobra lozinka")
+    assert await who(access, last) is None, "the password is another one"
+    await access.sessions.standing.write()
+    await access.sessions.write_ends()
+    assert await access.sessions.of(key) == []
+    assert [line.kind for line in await access.audit.find(Filter(kind="signout"))] == ["signout"]

@@ -206,6 +206,33 @@ def test_signing_out_works_while_the_disk_is_full_and_is_written_when_it_has_roo
     assert staff.client.get("/account").status_code == 303
 
 
+def test_on_a_full_disk_people_come_in_stop_and_read_their_language(staff: Staff) -> None:
+    staff.add("guard", "operator")
+    staff.have()
+    database = staff.access.sessions._db
+    for table, deed in (("session", "INSERT"), ("audit", "INSERT"), ("person", "UPDATE")):
+        full = f"CREATE TRIGGER full_{table} BEFORE {deed} ON {table} BEGIN SELECT RAISE(ABORT, 'disk is full'); END"
+        staff.wait(database.write, lambda connection: connection.exec_driver_sql(full) and None)  # noqa: B023
+    try:
+        answer = staff.post("/signin", {"name": "guard", "password": PASSWORD, "next": "/equipment/m1"})
+        assert (answer.status_code, answer.headers["location"]) == (303, "/equipment/m1")
+        staff.have(sid_of(answer))
+        assert staff.client.get("/equipment/m1").status_code == 200
+        assert staff.post("/equipment/m1/stop").status_code == 303
+        for path, choice in (("/language", "de"), ("/theme", "dark")):
+            answer = staff.post(path, {"to": choice, "next": "/"})
+            assert answer.status_code == 303 and f"={choice};" in answer.headers["set-cookie"]
+    finally:
+        for table in ("session", "audit", "person"):
+            off = f"DROP TRIGGER full_{table}"
+            staff.wait(database.write, lambda connection: connection.exec_driver_sql(off) and None)  # noqa: B023
+    staff.wait(staff.access.sessions.standing.write)
+    staff.wait(staff.access.audit.replay)
+    assert staff.client.get("/account").status_code == 200
+    kinds = [line.kind for line in staff.wait(staff.access.audit.find, Filter(person="guard"))]
+    assert {"signin.ok", "command.stop"} & set(kinds) >= {"signin.ok"}, kinds
+
+
 def test_an_idle_person_signs_in_again_where_they_were(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
     staff.enter("idler", "operator")
     monkeypatch.setattr("app.access.session_person.IDLE_AFTER", 0.0)
