@@ -21,6 +21,7 @@ from app.errors import ConfigurationError, StorageError
 from app.historian.events import Events
 from app.historian.recorder import Recorder
 from app.historian.records import RecordFold
+from app.historian.saved_views import SavedViews
 from app.links.register_link import RegisterLink
 from app.live.frames import Live
 from app.plant.changes import renamed
@@ -378,7 +379,7 @@ def _pause_of(bus: Bus | None) -> Callable[[], bool]:
 
 
 def _access(settings: Settings, database: Database, clock: Clock, threads: Threads) -> Access:
-    return Access(
+    access = Access(
         database,
         clock,
         settings.data,
@@ -386,6 +387,8 @@ def _access(settings: Settings, database: Database, clock: Clock, threads: Threa
         threads=threads,
         factor_roles=settings.factor_roles,
     )
+    access.people.hand_over = SavedViews(database, access.audit, clock).hand_over
+    return access
 
 
 def _recorder(settings: Settings, tags: TagDatabase, history: Database, clock: Clock) -> Recorder:

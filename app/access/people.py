@@ -62,6 +62,8 @@ class People:
         self._accounts = accounts
         self._tell = tell
         self._admins: frozenset[str] | None = None
+        self.hand_over: Callable[[Connection, Person, Account], Sequence[Entry]] = lambda connection, by, account: ()
+        """Gives whoever deletes an account what others use of it, in the same transaction; returns the lines of it."""
 
     async def count(self) -> int:
         """Number of accounts, disabled ones too."""
@@ -163,7 +165,7 @@ class People:
         await self._follow()
 
     async def delete(self, by: Person, person_id: int) -> None:
-        """Remove an account for good; its lines in the audit stay, its id is never given again.
+        """Remove an account for good; its lines in the audit stay, its id is never given again. What others use of it is handed over.
 
         Raises:
             Refused: nobody of this id (404), oneself or the last administrator (409), no audit (503).
@@ -175,9 +177,11 @@ class People:
             if account.id == by.id:
                 raise Refused("access.not_yourself", 409)
             ended = end_all(connection, person_id)
+            handed_over = self.hand_over(connection, by, account)
             with keeping_an_admin(connection):
                 connection.execute(delete(person_table).where(person_table.c.id == person_id))
-            return ended, [self._audit.entry("person.deleted", by, account.name, old=account.roles, id=account.id)]
+            deleted = self._audit.entry("person.deleted", by, account.name, old=account.roles, id=account.id)
+            return ended, [deleted, *handed_over]
 
         self._sessions.announce(await self._audit.with_entries(work))
         await self._follow()

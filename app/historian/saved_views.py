@@ -4,7 +4,7 @@ A view is the address of the page without its path. What it may say is for the p
 What others see is audited: when a view is shared, and what becomes of it while it is.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -26,6 +26,7 @@ from sqlalchemy import (
     update,
 )
 
+from app.access.accounts import Account
 from app.access.audit.audit import Audit
 from app.access.audit.kinds import Kind
 from app.access.audit.line import Entry, printable
@@ -160,6 +161,34 @@ class SavedViews:
 
         await self._audit.with_entries(work)
 
+    async def shared_by(self) -> Mapping[int, int]:
+        """How many views everybody shares, by person; who shares none is not in it.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        asked = select(view_table.c.person, func.count()).where(view_table.c.shared).group_by(view_table.c.person)
+        rows = await self._db.read(lambda connection: connection.execute(asked).all())
+        return {row[0]: row[1] for row in rows}
+
+    def hand_over(self, connection: Connection, to: Person, account: Account) -> Sequence[Entry]:
+        """Make what `account` shares with all `to`'s own in this transaction; returns the lines of it.
+
+        A name that `to` has already gets that of the account behind it. Above 50 views `to` keeps no new one until some are deleted.
+        """
+        table = view_table.c
+        own = connection.execute(select(table.name).where(table.person == to.id)).scalars().all()
+        taken = {name.casefold() for name in own}
+        theirs = select(table.id, table.name).where(table.person == account.id, table.shared).order_by(table.id)
+        entries = []
+        for row in connection.execute(theirs).all():
+            name = _unlike(row.name, account.name, taken)
+            taken.add(name.casefold())
+            values = {"person": to.id, "name": name, "changed": self._clock.micros()}
+            connection.execute(update(view_table).where(table.id == row.id).values(**values))
+            entries.append(self._audit.entry("trend.handed_over", to, name, old=account.name, new=to.name))
+        return entries
+
     async def _change(
         self,
         person: Person,
@@ -197,6 +226,13 @@ def _checked(name: str) -> str:
     if (shown := printable(called)) != called:
         raise Refused("trend.error.view_signs", 422, most=LONGEST_NAME, name=shown)
     return called
+
+
+def _unlike(name: str, owner: str, taken: Collection[str]) -> str:
+    """`name`, or with that of its owner and a number if need be, as none of `taken` is [casefolded]."""
+    tails = ("", f" ({owner[:20]})", *(f" ({owner[:20]} {number})" for number in range(2, MOST_VIEWS + len(taken) + 2)))
+    found = (f"{name[: LONGEST_NAME - len(tail)].rstrip()}{tail}" for tail in tails)
+    return next(one for one in found if one.casefold() not in taken)
 
 
 def _free(name: str, taken: Sequence[str]) -> None:

@@ -44,7 +44,7 @@ async def views_of(request: Request) -> Shelf:
     person = person_of(request)
     found: Sequence[SavedView] = ()
     with suppress(StorageError):
-        found = await _saved(request).of(person)
+        found = await saved_views(request).of(person)
     own = [one for one in found if one.person == person.id]
     return Shelf(own, [one for one in found if one.person != person.id], person.may("share"))
 
@@ -105,7 +105,8 @@ async def last(request: Request) -> Response:
     return Response(status_code=204)
 
 
-def _saved(request: Request) -> SavedViews:
+def saved_views(request: Request) -> SavedViews:
+    """The views of everybody."""
     runtime = view_of(request).runtime(request)
     return SavedViews(runtime.db, runtime.access.audit, runtime.clock)
 
@@ -123,7 +124,7 @@ async def _do(
     """
     drawn, problem, name = request.headers.get("hx-request") == "true", "", ""
     try:
-        await work(_saved(request))
+        await work(saved_views(request))
     except Refused as refused:
         if not drawn:
             raise

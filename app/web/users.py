@@ -19,6 +19,7 @@ from app.web.csv_lines import cells, locale_of
 from app.web.guard import allow, field_list, fields, people_access, person_of
 from app.web.language import language_of
 from app.web.signin import SHOWN_ID, explained, moment, role_names, session_row, view_of
+from app.web.trend_views import saved_views
 
 router = APIRouter()
 
@@ -248,9 +249,11 @@ async def users_page(
     """The page of people, with what was wrong or the initial password that was made."""
     view, access, me = view_of(request), people_access(request), person_of(request)
     sessions = await access.sessions.of()
+    shared = await saved_views(request).shared_by()
     rows = [
         {
             "account": account,
+            "shared": shared.get(account.id, 0),
             "roles": role_names(request, account),
             "me": account.id == me.id,
             "lacks_factor": _lacks_factor(request, account),

@@ -11,7 +11,7 @@ from fastapi.testclient import TestClient
 from app.access.audit.search import Filter
 from app.historian.saved_views import MOST_VIEWS, view_table
 from tests.migrated import differences
-from tests.web.people import Staff
+from tests.web.people import PASSWORD, Staff
 
 HX = {"HX-Request": "true"}
 VIEW = "tags=m1.speed,m1.current&span=1h&axis=fit"
@@ -92,6 +92,30 @@ def test_a_shared_view_is_everybodys_to_use_and_its_owners_to_change(staff: Staf
     staff.post(f"/trends/views/{number}/delete", {"view": VIEW}, **HX)
     assert "For everybody" not in rows(staff)
     assert [audited(staff, kind)[-1][1] for kind in ("changed", "deleted")] == ["For everybody"] * 2
+
+
+def test_what_others_use_of_a_deleted_account_goes_to_who_deleted_it(staff: Staff) -> None:
+    enter(staff, "leaver", "operator")
+    key = staff.add("leaver")
+    for name in ("Kiln", "Line 4"):
+        staff.post(f"/trends/views/{save(staff, name)}/share", {"view": VIEW}, **HX)
+    save(staff, "Private")
+    enter(staff, "chief", "admin", "operator")
+    save(staff, "kiln")
+    page = staff.client.get("/users").text
+    place = page.index(f'id="user-{key}"')
+    assert "shared with all: 2. Whoever deletes the account gets them." in page[place : page.index("</details>", place)]
+    answer = staff.post(f"/users/{key}/delete", {"own_password": PASSWORD})
+    assert answer.headers["location"] == "/users?done=deleted"
+    own = {name for name, (_, number) in rows(staff).items() if number}
+    assert own == {"kiln", "Kiln (leaver)", "Line 4"}, "and what was the leaver's alone is gone"
+    lines = staff.wait(staff.access.audit.find, Filter(kind="trend.handed_over"))
+    assert {(line.person, line.object, line.old, line.new) for line in lines} == {
+        ("chief", "Kiln (leaver)", "leaver", "chief"),
+        ("chief", "Line 4", "leaver", "chief"),
+    }
+    enter(staff, "owner")
+    assert rows(staff)["Line 4"] == (f"/trends?{VIEW}", 0)
 
 
 @pytest.mark.parametrize("number", ["0", str(2**63), "9" * 20])

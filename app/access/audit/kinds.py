@@ -68,6 +68,7 @@ Kind = Literal[
     "token.revoked",
     "trend.changed",
     "trend.deleted",
+    "trend.handed_over",
     "trend.note_deleted",
     "trend.noted",
     "trend.renamed",
