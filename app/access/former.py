@@ -3,6 +3,7 @@
 Whoever starts as new is handed the first account: so a folder that knows of an older plant starts only with its database.
 """
 
+import logging
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -13,6 +14,8 @@ from app.clock import SystemClock, to_datetime
 from app.db import open_to_read
 from app.errors import ConfigurationError
 
+log = logging.getLogger(__name__)
+
 MARKS = ("audit.head", "audit.anchors", "audit.buffer", "audit.foreign")
 """What the audit of a plant leaves beside its database."""
 KNOWN = "('person.first', 'person.added', 'signin.ok')"
@@ -20,12 +23,14 @@ KNOWN = "('person.first', 'person.added', 'signin.ok')"
 
 
 def check_former(data: Path) -> None:
-    """Refuse a folder whose plant has lost its database, or everybody in it.
+    """Refuse a folder whose plant has lost its database, or everybody in it; a history alone is no plant, but told.
 
     Raises:
         ConfigurationError: one line, with what to do.
     """
-    what = _lost(data)
+    what, history = _lost(data), data / "history.db"
+    if not what and not (data / "pogon.db").exists() and history.exists() and history.stat().st_size:
+        log.warning("a new plant begins beside a history that is there already file=%s missing=pogon.db", history)
     if what:
         raise ConfigurationError(
             f"{data / 'pogon.db'} {what}, but this folder is of a plant that had accounts: put a backup back (pogon restore), "

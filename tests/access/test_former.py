@@ -112,3 +112,17 @@ async def test_a_plant_with_accounts_is_never_put_aside(open_access: OpenAccess,
     await access.start()
     await add(access, "ana", "admin")
     assert begin_anew(data) is None
+
+
+def test_a_history_without_its_plant_is_told_when_a_new_one_begins_beside_it(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for name, told in (("fresh", False), ("emptied", False), ("copied", True)):
+        data = tmp_path / name
+        data.mkdir(mode=0o700)
+        if name != "fresh":
+            (data / "history.db").write_bytes(b"SQLite format 3" if told else b"")
+            (data / "history.db").chmod(0o600)
+        caplog.clear()
+        prepare(data)
+        assert ["missing=pogon.db" in text for text in caplog.messages] == [True] * told, name
