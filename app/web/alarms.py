@@ -246,7 +246,7 @@ def _chosen(request: Request, wanted: dict[str, str]) -> tuple[list[tuple[Listed
 
 def _list(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
     shown, hidden = _chosen(request, wanted)
-    page = int(wanted["page"] or 0)
+    page = min(int(wanted["page"] or 0), max(0, len(shown) - 1) // PAGE)  # there may be fewer than there were
     query = {name: value for name, value in wanted.items() if value and name != "page"}
     engine = _engine(request)
     return {

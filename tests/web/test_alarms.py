@@ -182,6 +182,28 @@ def test_a_missing_text_comes_in_the_plants_language_with_its_mark(hall: Hall, m
     assert "[hr] Revizijski zapis" in unescape(hall.page("/alarms?q=sys", "cs"))
 
 
+def test_an_empty_list_says_what_is_not_there_and_never_that_no_alarm_is_active(hall: Hall) -> None:
+    """Nor is a page beyond the last one empty: there were more alarms when it was opened."""
+    hall.tell("history_quota", percent=83.5)
+    hall.staff.enter("ana", "operator")
+    hall.acknowledge(hall.one("sys.history_quota").occurrence)
+    for lang, unack, hidden in zip(
+        LANGUAGES,
+        (
+            "Nema nepotvrđenih alarma",
+            "No unacknowledged alarms",
+            "Keine unquittierten Alarme",
+            "Žádné nekvitované alarmy",
+        ),
+        ("Nema skrivenih alarma", "No hidden alarms", "Keine ausgeblendeten Alarme", "Žádné skryté alarmy"),
+        strict=True,
+    ):
+        for path in ("/alarms", "/alarms/list"):
+            assert unack in unescape(hall.page(f"{path}?tab=unack", lang)), (lang, path)
+            assert hidden in unescape(hall.page(f"{path}?tab=hidden", lang)), (lang, path)
+            assert rows(hall.page(f"{path}?page=3", lang)) == ["sys.history_quota"], (lang, path)
+
+
 def test_many_alarms_open_in_time_and_in_pages(hall: Hall) -> None:
     hall.staff.enter("olga", "operator")
     engine = hall.engine
