@@ -182,6 +182,21 @@ def definitions(connection: Connection, ids: Iterable[str]) -> dict[str, Definit
     return {id: found.get(id) or Definition() for id in wanted}
 
 
+def definition_at(connection: Connection, equipment: str, kinds: Iterable[str], time: int) -> Definition:
+    """By what `equipment` worked at `time` [µs UTC], by a record of one of these kinds that was under way; none was: it says nothing."""
+    machine = select(event_machine.c.id).where(event_machine.c.name == equipment).scalar_subquery()
+    for kind in kinds:
+        newest = select(_r.ended, definition.c.text).join_from(
+            record_table, definition, definition.c.id == _r.definition, isouter=True
+        )
+        row = connection.execute(
+            newest.where(_r.machine == machine, _r.kind == kind, _r.begun <= time).order_by(_r.begun.desc()).limit(1)
+        ).first()
+        if row is not None and row[1] and (row[0] is None or row[0] >= time):
+            return Definition(row[1])
+    return Definition()
+
+
 def given_at_most(connection: Connection) -> int:
     """How many values a run was ever started with, by all definitions that are kept."""
     rows = connection.execute(select(definition.c.text).where(definition.c.text.like('%"recipe"%')))

@@ -40,7 +40,7 @@ from app.plant.definitions import Device, Image, PlcMap, Register, Scan, TableMa
 from app.plant.said import Plain, said
 from app.plant.tables import MISSING, Table, one_of
 from app.records.event import WORDS
-from app.records.snapshot import TYPES, Field, Layout, words_of
+from app.records.snapshot import PARTS, TYPES, Field, Layout, words_of
 from app.registers.plc_map import MINOR, TABLE_HEAD
 
 KEY = r"[a-z][a-z0-9_]*"
@@ -129,6 +129,8 @@ def read_snapshot(file: Table, events: Mapping[int, str]) -> Layout:
             only=_codes(row, "events", events),
             but=_codes(row, "but", events),
             all=row.text("all", "", pattern=KEY, expected=said("mistake.key")),
+            bit_of=row.text("bit_of", "", choices=("", *PARTS)),
+            bits_of=row.text("bits_of", "", choices=("", *PARTS)),
         )
         row.done()
         if not re.fullmatch(KEY, name) or name in OF_EVENT:

@@ -10,6 +10,11 @@ from app.records.event import WORDS
 TYPES: Mapping[str, str] = {"u16": ">H", "i16": ">h", "u32": ">I", "i32": ">i", "f32": ">f"}
 """Type of a field → how it lies in its words: big-endian, high word first."""
 
+PARTS = ("source", "whole")
+"""Whose bits a field is about: of the part that is the source of the event, of the machine as a whole."""
+BITS = 16
+"""In a word."""
+
 
 @dataclass(frozen=True, slots=True)
 class Field:
@@ -26,6 +31,10 @@ class Field:
     only: frozenset[int] = frozenset()
     """Codes of the events that say it; empty = all but those of `but`."""
     but: frozenset[int] = frozenset()
+    bit_of: str = ""
+    """Key of `PARTS`: it is the number of a bit of this part, which the definition of the machine names; empty = it is a number."""
+    bits_of: str = ""
+    """The same: it is a word of such bits."""
 
     @property
     def words(self) -> int:

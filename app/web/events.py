@@ -18,9 +18,11 @@ from app.historian.event_gaps import Gap, Place, gaps
 from app.historian.event_search import GONE, EventFilter
 from app.historian.event_sheet import EventExport, EventExportSettings, coded, with_ring, worded, words
 from app.historian.export import FORMATS
+from app.historian.record_query import definition_at
 from app.plant.definitions import Equipment, EquipmentType
+from app.plant.kept import Definition
 from app.records.event import Event
-from app.records.snapshot import decode
+from app.records.snapshot import BITS, decode
 from app.web import format as fmt
 from app.web.event_list import RANGE, fields, place, set_filters, span
 from app.web.guard import address_of, allow, person_of, shown_name, shown_words
@@ -98,10 +100,16 @@ async def detail(request: Request, number: int) -> Response:
         HTTPException: 404, it is not there.
     """
     runtime = view_of(request).runtime(request)
-    one = await read(runtime, lambda connection: search.get(connection, number) if 0 < number < 2**63 else None)
-    if one is None:
+    draw = EventWords(request)
+
+    def work(connection: Connection) -> tuple[Event, Definition] | None:
+        one = search.get(connection, number) if 0 < number < 2**63 else None
+        return (one, draw.definition(connection, one)) if one else None
+
+    found = await read(runtime, work)
+    if found is None:
         raise HTTPException(404)
-    return view_of(request).fragment(request, "fragments/event_detail.html", detail=EventWords(request).detail(one))
+    return view_of(request).fragment(request, "fragments/event_detail.html", detail=draw.detail(*found))
 
 
 @router.get("/events/export.csv", dependencies=[allow("export")])
@@ -240,21 +248,21 @@ def _tools(request: Request, typed: dict[str, str]) -> dict[str, Any]:
 async def _list(request: Request, typed: dict[str, str], wanted: EventFilter) -> dict[str, Any]:
     runtime = view_of(request).runtime(request)
     chosen = set_filters(typed)
+    draw = EventWords(request)
 
-    def work(connection: Connection) -> tuple[list[Event], int, int, list[Gap]]:
+    def work(connection: Connection) -> tuple[list[tuple[Event, Definition]], int, int, list[Gap]]:
         lost = history.lost(connection, wanted.equipment, wanted.begin, wanted.end)
         return (
-            search.find(connection, wanted, PAGE + 1),
+            [(one, draw.definition(connection, one)) for one in search.find(connection, wanted, PAGE + 1)],
             search.count(connection, replace(wanted, before=None), MOST_COUNTED + 1),
             lost,
             gaps(connection, wanted.equipment, wanted.begin, wanted.end, GAPS_SHOWN) if lost else [],
         )
 
     found, count, lost, missing = await read(runtime, work)
-    draw = EventWords(request)
-    last = found[PAGE - 1] if len(found) > PAGE else None
+    last = found[PAGE - 1][0] if len(found) > PAGE else None
     return {
-        "events": [draw.row(one) for one in found[:PAGE]],
+        "events": [draw.row(*one) for one in found[:PAGE]],
         "found": min(count, MOST_COUNTED),
         "more": count > MOST_COUNTED,
         "lost": lost,
@@ -305,7 +313,14 @@ class EventWords:
         self.lang, self.zone = language_of(request), zone_of(request)
         self.now = self.runtime.clock.micros()
 
-    def row(self, one: Event) -> Line:
+    def definition(self, connection: Connection, one: Event) -> Definition:
+        """What names the bits that an event is about: as it was then, whatever the plant file says today."""
+        item = self.item(one.equipment)
+        if item is None or not any(field.bit_of or field.bits_of for field in item.type.snapshot.values()):
+            return Definition()
+        return definition_at(connection, one.equipment, item.type.records, one.time)
+
+    def row(self, one: Event, by: Definition) -> Line:
         item = self.item(one.equipment)
         raised = [alarm.priority for alarm in item.alarms if alarm.event == one.code] if item else []
         return Line(
@@ -318,7 +333,7 @@ class EventWords:
             priority=min(raised, default=0),
             source=str(one.source) if one.source else "",
             value=self._number(one.value) if one.value else "",
-            said=tuple(self._said(item.type, one)) if item else (),
+            said=tuple(self._said(item.type, one, by)) if item else (),
             person=shown_name(self.request, one.person),
             reason=shown_words(self.request, one.reason),
         )
@@ -333,11 +348,11 @@ class EventWords:
         time = self.moment(place.time)
         return self.view.text(self.request, "events.gap.place", time=time, boot=place.boot, n=place.sequence)
 
-    def detail(self, one: Event) -> dict[str, Any]:
+    def detail(self, one: Event, by: Definition) -> dict[str, Any]:
         item = self.item(one.equipment)
         key = item.type.events.get(one.code, "") if item else ""
         return {
-            "row": self.row(one),
+            "row": self.row(one, by),
             "code": f"{one.code} {key}".strip(),
             "source": str(one.source),
             "value": "–" if one.value is None else self._number(one.value),
@@ -348,12 +363,29 @@ class EventWords:
             "url": f"/equipment/{one.equipment}" if item else "",
         }
 
-    def _said(self, kind: EquipmentType, one: Event) -> list[tuple[str, str]]:
-        return [
-            (self.runtime.texts.of_type(self.lang, kind, f"snapshot.{name}"), self._number(value))
-            for name, value in decode(kind.snapshot, one.words, one.code).items()
-            if value is not None and value != 0
-        ]
+    def _said(self, kind: EquipmentType, one: Event, by: Definition) -> list[tuple[str, str]]:
+        found = []
+        for name, value in decode(kind.snapshot, one.words, one.code).items():
+            field = kind.snapshot[name]
+            if value is None or (value == 0 and not field.bit_of):
+                continue
+            part = one.source if "source" in (field.bit_of, field.bits_of) else 0
+            if field.bit_of:
+                shown = f"{value} {self._bit(by, part, int(value), '')}".rstrip()
+            else:
+                shown = self._bits(by, part, int(value)) if field.bits_of else self._number(value)
+            found.append((self.runtime.texts.of_type(self.lang, kind, f"snapshot.{name}"), shown))
+        return found
+
+    def _bits(self, by: Definition, part: int, word: int) -> str:
+        """A word of bits: how many are set, and the names of those that are not."""
+        off = [self._bit(by, part, bit, str(bit)) for bit in range(BITS) if not word >> bit & 1]
+        missing = self.view.text(self.request, "events.missing", what=" · ".join(off)) if off else ""
+        return f"{BITS - len(off)}/{BITS} {missing}".rstrip()
+
+    def _bit(self, by: Definition, part: int, bit: int, otherwise: str) -> str:
+        label = by.bit(part, bit)
+        return self.runtime.texts.label(self.lang, label) if label else otherwise
 
     def text(self, kind: EquipmentType | None, code: int) -> str:
         if kind is None or code not in kind.events:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,29 @@ def found(staff: Staff, **wanted: Any) -> list[Record]:
         runtime_of(staff.client).history.read, lambda connection: record_query.find(connection, RUN, given, 1000)
     )
     return rows
+
+
+@pytest.mark.parametrize(
+    ("lang", "gate", "drives"),
+    [
+        ("hr", "nedostaje: Zaštitne ograde zatvorene", "nedostaje: Pogoni spremni"),
+        ("en", "missing: Guards closed", "missing: Drives ready"),
+        ("de", "fehlt: Schutztüren geschlossen", "fehlt: Antriebe bereit"),
+        ("cs", "chybí: Ochranné dveře zavřeny", "chybí: Pohony připraveny"),
+    ],
+)
+def test_events_name_the_permissives_that_were_missing(staff: Staff, lang: str, gate: str, drives: str) -> None:
+    """In place of a word of flags as a number; bit 0 is one like the others."""
+    staff.client.cookies.set("pogon_lang", lang)
+    page = unescape(get(staff, "/events", **MARCH).text)
+    said = [
+        " ".join(re.sub("<[^>]+>", " ", row).split()) for row in re.findall(r"<tr data-row=.*?</tr>", page, re.DOTALL)
+    ]
+    assert "65535" not in page and "16/16" in page
+    assert any(f"Bit 0 {gate.partition(': ')[2]}" in row and f"15/16 {gate}" in row for row in said), said
+    assert any(f"Bit 5 {drives.partition(': ')[2]}" in row and f"15/16 {drives}" in row for row in said), said
+    number = next(int(one) for one, row in zip(ids(page), said, strict=True) if f"15/16 {gate}" in row)
+    assert gate in unescape(get(staff, f"/events/detail/{number}").text)
 
 
 def test_a_guest_reads_the_list_and_takes_nothing_home(staff: Staff) -> None:
