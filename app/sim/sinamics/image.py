@@ -41,7 +41,7 @@ _READINGS: Mapping[int, Callable[[Readings], float]] = MappingProxyType(
         40240: lambda it: float(not it.training[REG_INTERLOCK]),
         40241: lambda it: float(not it.training[REG_EMERGENCY]),
         40300: lambda it: POWER_UNIT,
-        40301: lambda it: FIRMWARE,
+        40301: lambda it: FIRMWARE * 10000,
         40320: lambda it: it.power.data.rated_power / 1000,
         40340: lambda it: it.ramp,
         40341: lambda it: it.power.speed,

@@ -50,7 +50,7 @@ class Register(NamedTuple):
 def _map() -> dict[int, Register]:
     one = {
         40300: Register("r0200", 1, "", 0, 32767, READ_ONLY),
-        40301: Register("r0018", 1, "", 0, 32767, READ_ONLY),
+        40301: Register("r0018", 1e-4, "", 0, 327_670_000, READ_ONLY),
         40320: Register("r0206", 100, "kW", 0, 327.67, READ_ONLY),
         40321: Register("p0640", 10, "A", 10, 400, WRITABLE),
         40322: Register("p1120", 100, "s", 0, 650, WRITABLE),

@@ -5,6 +5,7 @@ import pytest
 from app.errors import DeviceException
 from app.plant import types
 from app.plant.plant_files.languages import LANGUAGES
+from app.profidrive.parameter_access.formats import Format
 from app.profidrive.parameter_access.messages import Address, Request, Values
 from app.profidrive.state_machine import State
 from app.profidrive.telegrams import TELEGRAMS
@@ -238,3 +239,10 @@ def test_what_the_map_lacks_is_refused() -> None:
 def test_a_seed_decides_what_the_encoder_counts_and_nothing_else() -> None:
     one, two = axis(seed=3), axis(seed=4)
     assert one.actual == two.actual and one._raw != two._raw
+
+
+def test_the_register_of_the_firmware_says_its_version() -> None:
+    """r0018 / 10000, as in the maker's map; not the limit of what a register holds."""
+    it = enabled()
+    assert it.read(3, 40301 - FIRST_NUMBER, 1) == [470]
+    assert parameter(it, 18, drive_object=1) == Values(Format.UNSIGNED32, (4_700_000,))
