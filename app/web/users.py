@@ -4,6 +4,7 @@ Every change asks for one's own password again (confirmation level C4 of hmi-des
 the answer to the request that made them, and kept nowhere.
 """
 
+from collections.abc import Sequence
 from typing import Annotated, Any
 from zoneinfo import ZoneInfo
 
@@ -32,6 +33,8 @@ REVIEW = (
 Id = Annotated[int, Path(ge=1, le=2**62)]
 LIVES = (7, 30, 90, 365)
 """Days that a token may be good for."""
+USUAL_LIFE = 90
+"""Days that are offered first."""
 UNUSED_DAYS = 90
 """An account that nobody signed in with for more than so many days is marked."""
 UTC = ZoneInfo("UTC")
@@ -129,7 +132,7 @@ async def add(request: Request) -> Response:
             person, given["name"], given["display"], await field_list(request, "roles")
         )
     except Refused as refused:
-        return await users_page(request, refused, typed=given)
+        return await users_page(request, refused, typed=given, chosen=await field_list(request, "roles"))
     return await users_page(request, initial=(account, initial))
 
 
@@ -227,7 +230,7 @@ async def create_token(request: Request) -> Response:
             person, given["name"], await field_list(request, "permissions"), int(given["days"])
         )
     except Refused as refused:
-        return await tokens_page(request, refused, typed=given)
+        return await tokens_page(request, refused, typed=given, chosen=await field_list(request, "permissions"))
     return await tokens_page(request, made=(token, secret))
 
 
@@ -244,6 +247,7 @@ async def users_page(
     refused: Refused | None = None,
     *,
     typed: dict[str, str] | None = None,
+    chosen: Sequence[str] = ("operator",),
     initial: tuple[Account, str] | None = None,
 ) -> Response:
     """The page of people, with what was wrong or the initial password that was made."""
@@ -277,6 +281,7 @@ async def users_page(
             for role in ROLES
         ],
         typed=typed or {},
+        chosen=chosen,
         initial=initial,
         error=explained(request, refused),
         done=_done(request, refused),
@@ -289,6 +294,7 @@ async def tokens_page(
     refused: Refused | None = None,
     *,
     typed: dict[str, str] | None = None,
+    chosen: Sequence[str] = ("view",),
     made: tuple[Token, str] | None = None,
 ) -> Response:
     """The page of tokens, with what was wrong or the token that was made."""
@@ -317,7 +323,8 @@ async def tokens_page(
         rows=rows,
         grantable=[(name, view.text(request, f"access.permission.{name}")) for name in GRANTABLE if name in mine],
         lives=LIVES,
-        typed=typed or {},
+        typed={"days": str(USUAL_LIFE)} | (typed or {}),
+        chosen=chosen,
         made=made,
         error=explained(request, refused),
         done=_done(request, refused),
