@@ -28,6 +28,10 @@ TEXTS = {
     500: "error.internal",
     503: "error.unavailable",
 }
+HINTS = {TEXTS[403]: "error.who_may", TEXTS[404]: "error.nothing_at", TEXTS[500]: "error.runs_on"}
+"""What a page says below: what it was about, and what to do now."""
+LONGEST_ADDRESS = 120
+"""Characters of an address that a page repeats."""
 
 
 class PlantBroken(Exception):
@@ -68,8 +72,16 @@ def answer(request: Request, status: int, key: str, reference: str = "", **param
         status=status,
         title=view.text(request, "error.title"),
         text=text,
+        hint=_hint(request, HINTS[key]) if key in HINTS else "",
         reference=reference,
     )
+
+
+def _hint(request: Request, key: str) -> str:
+    view: View = request.app.state.view
+    path, person = request.url.path, getattr(request.state, "person", None)
+    address = path if len(path) <= LONGEST_ADDRESS else path[:LONGEST_ADDRESS] + "…"
+    return view.text(request, key, address=address, who=person.display if person else view.text(request, "nav.guest"))
 
 
 async def _http(request: Request, error: Exception) -> Response:

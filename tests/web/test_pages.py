@@ -133,6 +133,19 @@ def test_what_is_not_there_says_so_in_the_frame(client: TestClient, lang: str, p
     assert "<script>" not in answer.text
 
 
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_a_page_that_is_not_there_says_which_and_offers_the_search(client: TestClient, lang: str) -> None:
+    client.cookies.set("pogon_lang", lang)
+    page = client.get("/equipment/m9%3Cb%3E")
+    assert page.status_code == 404 and NOT_FOUND[lang] in unescape(page.text)
+    content = page.text[page.text.index("er-hint") :]
+    assert "/equipment/m9&lt;b&gt;" in content and "m9<b>" not in page.text
+    assert 'data-over="/palette"' in content
+    long = client.get("/" + "x" * 500).text
+    said = long[long.index("er-hint") :].partition("</p>")[0]
+    assert "x" * 119 + "…" in said and "x" * 120 not in said
+
+
 def refusing(app: FastAPI) -> None:
     @app.get("/no", dependencies=[allow("open")])
     @app.get("/api/no", dependencies=[allow("open")])
