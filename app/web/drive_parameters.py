@@ -10,6 +10,7 @@ Which drive objects there are is asked first (r0102, p0101 of object 1): a drive
 """
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -140,7 +141,7 @@ async def page(request: Request, key: str) -> HTMLResponse:
         chip=machine.id,
         up=operation.url,
         message=operation.story,
-        groups=_groups(operation, _asked(request.query_params).show),
+        groups=_groups(operation, machine_of(request.app, operation), _asked(request.query_params).show),
         **(list_context(request, operation) | _rows(request, operation, _asked(request.query_params))),
     )
 
@@ -236,10 +237,9 @@ def _parameters(operation: Operation) -> Mapping[str, DriveParameter]:
     return parameters
 
 
-def _groups(operation: Operation, show: str) -> list[tuple[str, str, int]]:
-    """Key, text and number of parameters of every group; where codes order them in the order of the codes, else of their texts."""
-    parameters = _listed(operation, show).values()
-    counts = {group: sum(one.group == group for one in parameters) for group in {one.group for one in parameters}}
+def _groups(operation: Operation, machine: Machine, show: str) -> list[tuple[str, str, int]]:
+    """Key, text and number of rows of every group; where codes order them in the order of the codes, else of their texts."""
+    counts = Counter(one.group for _, one in _wanted(operation, machine, Asked("", "", show)))
     t = operation.equipment.t
     found = ((key, t(f"parameter.group.{key}"), count) for key, count in counts.items())
     return sorted(found, key=lambda row: row[1] if has_objects(operation) else row[0])

@@ -86,6 +86,9 @@ def test_search_and_groups_choose(client: TestClient) -> None:
     ramp = {code for code, one in TYPE.drive_parameters.items() if one.group == "ramp"}
     assert {code for code, _ in rows_of(drawn(client, f"{PATH}?group=ramp"))} == ramp
     assert set(rows_of(drawn(client, f"{PATH}?group=ramp&q=Ramp-UP"))) == {("p1120", "2")}
+    page = client.get(PATH).text
+    counts = [int(one) for one in re.findall(r'class="cap push num">(\d+)</span>', page)]
+    assert counts[0] == sum(counts[1:]) == len(rows_of(drawn(client))), "one number for one thing"
     nothing = drawn(client, f"{PATH}?q=%3Cscript%3E")
     assert not rows_of(nothing) and "No parameter fits" in nothing
     assert client.get("/equipment/nothing/drive-parameters").status_code == 404
