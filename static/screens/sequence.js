@@ -34,27 +34,3 @@ document.addEventListener("click", (event) => {
   window.htmx.trigger(word, "again");
   if (name === "step" && getComputedStyle(word.parentElement).display === "block") word.scrollIntoView({ block: "nearest" });
 });
-
-// ---- steps or statistics -------------------------------------------------------------------------------------------------------------------
-
-const tabs = [...document.querySelectorAll(".q-tabs [role=tab]")];
-
-function choose(tab) {
-  for (const one of tabs) {
-    const on = one === tab;
-    one.setAttribute("aria-selected", String(on));
-    one.tabIndex = on ? 0 : -1;
-    document.getElementById(one.getAttribute("aria-controls")).hidden = !on;
-  }
-}
-
-for (const tab of tabs) {
-  tab.addEventListener("click", () => choose(tab));
-  tab.addEventListener("keydown", (event) => {
-    const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-    if (!step) return;
-    const next = tabs[(tabs.indexOf(tab) + step + tabs.length) % tabs.length];
-    choose(next);
-    next.focus();
-  });
-}
