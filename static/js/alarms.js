@@ -56,7 +56,8 @@ banner.addEventListener("submit", (event) => {
 }, true);
 
 document.addEventListener("keydown", (event) => {
-  if (event.key !== "F8" || event.ctrlKey || event.altKey || event.metaKey || event.shiftKey || document.querySelector("dialog[open]")) return;
+  if (event.key !== "F8" || event.ctrlKey || event.altKey || event.metaKey || event.shiftKey) return;
+  if (document.querySelector("dialog[open]")) return;
   event.preventDefault();
   (document.querySelector("#ack-selected:not([aria-disabled=true])") ?? document.getElementById("banner-ack"))?.click();
 });

@@ -188,7 +188,8 @@
     const now = new Date(Date.now() + ahead), time = form.format(now);
     if (time === last) return;
     last = face.textContent = time;
-    const written = date.format(now), local = body.dataset.lang === "en" ? written : written.replaceAll("/", ".");
+    const written = date.format(now);
+    const local = body.dataset.lang === "en" ? written : written.replaceAll("/", ".");
     const whole = `${name.format(now).replace(".", "")} ${local}`;
     if (day.textContent !== whole) day.textContent = whole;
   }

@@ -2,6 +2,7 @@
 // A pen is lifted where nothing good is known; nothing is ever drawn across a gap. Times are µs UTC, on the axis of uPlot seconds.
 import * as format from "./format.js";
 import { apart } from "./names.js";
+import { unpacked } from "./series.js";
 import * as time from "./time_axis.js";
 
 /** Dash of each pen [px]; colours are --pen-1 to --pen-6, 7 and 8 take the first two again with other dashes and markers. */
@@ -17,15 +18,6 @@ const ALARMS = { 1: "M-6-6h12v12h-12z", 2: "M0-6L6 6H-6z", 3: "M0 6L6-6H-6z", 4:
 const LEVEL = { good: 0, uncertain: 1, stale: 1, bad: 2, none: 2 };
 const linear = uPlot.paths.linear();
 const measuring = document.createElement("canvas").getContext("2d");
-
-/** The columns of a series of /history/series: times are sent as distances, what is the same in all columns once or not at all. */
-function unpacked({ time: distances = [], first, low = first, high = first, last = first, quality, count }) {
-  let at = 0;
-  const each = (value, i) => (Array.isArray(value) ? value[i] : value);
-  return first ? distances.map((later, i) => ({
-    at: (at += later), first: first[i], low: low[i], high: high[i], last: last[i], level: each(quality, i), count: each(count, i),
-  })) : [];
-}
 
 export class Chart {
   /** Draw `pens` into `element`. options: zone, lang, texts; mini: without names and marks, letters at the right ends. */
@@ -103,7 +95,8 @@ export class Chart {
       if (pen.stepped && before !== null && first !== before) put(at, before);
       const ends = [first ?? low, last ?? high];
       // A column of many samples that is no higher than usual is a line through its last value; after a rest, the value before held until then.
-      if (!pen.stepped && count > 3 && first !== null && last !== null && high - low <= out && (before === null || at - items[i - 1].at <= 1.5 * pen.step)) put(at, last);
+      const flat = !pen.stepped && count > 3 && first !== null && last !== null && high - low <= out;
+      if (flat && (before === null || at - items[i - 1].at <= 1.5 * pen.step)) put(at, last);
       else {
         put(at, ends[0]);
         if (Math.min(...ends) - low > out) put(at, low);

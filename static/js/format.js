@@ -19,8 +19,6 @@ export function number(value, decimals, lang) {
 export const quantity = (value, decimals, unit, lang) =>
   unit ? number(value, decimals, lang) + SPACE + unit : number(value, decimals, lang);
 
-export const percent = (value, decimals, lang) => quantity(value, decimals, "%", lang);
-
 export const hexadecimal = (value, digits = 4) => "0x" + pad(Math.round(value).toString(16).toUpperCase(), digits);
 
 export function age(seconds) {
@@ -63,10 +61,9 @@ export function offset(micros, zone) {
   return Math.round((Date.UTC(w.year, w.month - 1, w.day, w.hour, w.minute, w.second) - Math.floor(micros / 1e6) * 1000) / 6e4);
 }
 
-export function clockTime(micros, zone, { milliseconds = false, seconds = true, lang = "en" } = {}) {
+export function clockTime(micros, zone, { seconds = true } = {}) {
   const w = wall(micros, zone);
-  const ms = milliseconds ? mark(lang) + pad(Math.floor((((micros % 1e6) + 1e6) % 1e6) / 1000), 3) : "";
-  return seconds || milliseconds ? `${w.hour}:${w.minute}:${w.second}${ms}` : `${w.hour}:${w.minute}`;
+  return seconds ? `${w.hour}:${w.minute}:${w.second}` : `${w.hour}:${w.minute}`;
 }
 
 export function date(micros, zone, lang, { year = true } = {}) {
@@ -76,9 +73,9 @@ export function date(micros, zone, lang, { year = true } = {}) {
 }
 
 /** Date and time: the year only when it is not that of `now`; the repeated hour of autumn with its offset. */
-export function dateTime(micros, zone, lang, now, { milliseconds = false } = {}) {
+export function dateTime(micros, zone, lang, now) {
   const sameYear = wall(micros, zone).year === wall(now, zone).year;
-  const text = `${date(micros, zone, lang, { year: !sameYear })} ${clockTime(micros, zone, { milliseconds, lang })}`;
+  const text = `${date(micros, zone, lang, { year: !sameYear })} ${clockTime(micros, zone)}`;
   const here = offset(micros, zone);
   // Shown twice: an hour or so away the clock shows the same with another offset.
   const twin = [-180, -120, -60, -30, 30, 60, 120, 180].some((minutes) => {

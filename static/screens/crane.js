@@ -2,6 +2,7 @@
 // a page that is opened later begins with the last one of the history.
 import { answered } from "../js/fetched.js";
 import { quantity } from "../js/format.js";
+import { unpacked } from "../js/series.js";
 import { page } from "../js/values.js";
 
 const MOST = 1500, FINE = 0.05; // points of a trace; a point nearer than this adds nothing [units]
@@ -53,13 +54,10 @@ for (const sheet of document.querySelectorAll("[data-arc]")) {
 async function past(names) {
   const answer = await answered(`/history/series?tags=${names.join(",")}&from=${PAST}&width=${COLUMNS}`);
   if (!answer?.ok) return []; // the history is down, or too slow: the trace grows from what arrives
-  const [angles, errors] = JSON.parse(answer.text).series.map(({ time = [], first = [], last = first }) => {
-    let at = 0;
-    return time.map((later, n) => [(at += later), last[n]]);
-  });
-  const end = angles.findLastIndex(([, angle]) => angle !== null);
-  const start = angles.findLastIndex(([, angle], n) => n < end && angle === null) + 1;
-  return angles.slice(start, end + 1).map(([at, angle]) => [angle, errors.findLast(([time]) => time <= at)?.[1] ?? 0]);
+  const [angles, errors] = JSON.parse(answer.text).series.map(unpacked);
+  const end = angles.findLastIndex(({ last }) => last !== null);
+  const start = angles.findLastIndex(({ last }, n) => n < end && last === null) + 1;
+  return angles.slice(start, end + 1).map(({ at, last }) => [last, errors.findLast((one) => one.at <= at)?.last ?? 0]);
 }
 
 /** A line through these points; a part that leaps is drawn, too: it says that something was not seen. */

@@ -292,9 +292,9 @@ def test_script_and_server_write_times_ages_and_durations_alike(page: Page, open
         const f = await import("/static/js/format.js");
         return {
             moments: zones.map((zone) => moments.map((at) => ["hr", "en"].flatMap((lang) => [
-                f.clockTime(at, zone), f.clockTime(at, zone, { milliseconds: true, lang }), f.date(at, zone, lang),
+                f.clockTime(at, zone), f.clockTime(at, zone, { seconds: false }), f.date(at, zone, lang),
                 f.dateTime(at, zone, lang, now), f.momentOrTime(at, zone, lang, now)]))),
-            spans: spans.map((s) => [f.age(s), f.duration(s, "de"), f.duration(s, "en"), f.percent(s, 1, "cs")]),
+            spans: spans.map((s) => [f.age(s), f.duration(s, "de"), f.duration(s, "en"), f.quantity(s, 1, "%", "cs")]),
             hex: [0, 1, 0x337, 65535].map((word) => f.hexadecimal(word)),
         };
     }"""
@@ -307,7 +307,7 @@ def test_script_and_server_write_times_ages_and_durations_alike(page: Page, open
                 for lang in ("hr", "en")
                 for text in (
                     fmt.clock_time(at, zone),
-                    fmt.clock_time(at, zone, milliseconds=True, lang=lang),
+                    fmt.clock_time(at, zone, seconds=False),
                     fmt.date(at, zone, lang),
                     fmt.date_time(at, zone, lang, now),
                     fmt.moment_or_time(at, zone, lang, now),
