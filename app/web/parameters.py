@@ -1,12 +1,12 @@
 """The parameters of a drive: read by operators, changed by engineers; the faceplate of a machine as a page and as a dialog.
 
-Parameters are edited locally, reviewed as a list of old and new, and written by one request as one set through the gate: all or none
+What is typed is reviewed as a list of old and new (parameter_review.py) and written by one request as one set through the gate: all or none
 (commands/sets.py), with a result per row.
 """
 
 import asyncio
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -19,14 +19,13 @@ from app.commands.lifecycle import ProgressState
 from app.commands.orders import LONGEST_REASON
 from app.commands.value_set import MOST, Change, Stands
 from app.errors import LinkError, Refused
-from app.plant import expression
-from app.plant.definitions import Setpoint
 from app.web.commands import gate_of, number_or_none, operation_of, wants_fragment
-from app.web.guard import address_of, allow, field_list, fields, person_of
+from app.web.guard import address_of, allow, fields, person_of
 from app.web.language import language_of
 from app.web.operation import Operation
 from app.web.pages import own_template, view_of
-from app.web.points import PointView
+from app.web.parameter_review import field_names, is_reviewed, reviewed, seen_of, typed_of
+from app.web.parameter_rows import groups_of
 
 if TYPE_CHECKING:
     from app.runtime import Runtime
@@ -34,61 +33,10 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 router = APIRouter()
 
+NOTHING: Mapping[str, str] = {}
+NONE: Set[str] = frozenset()
 OLD = 30.0
 """Age of the oldest parameter from which an opened page has them read again [s]."""
-CONFIRMED = frozenset("MTCX")
-"""Marks of the reference sheet that stand for a source; G alone, or a question mark, is unconfirmed."""
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """One parameter as a row."""
-
-    key: str
-    code: str
-    """The maker's name for it, else its key."""
-    point: PointView
-    low: float | None
-    """Least value now [EU]; None = not known."""
-    high: float | None
-    default: str
-    options: Mapping[str, str]
-    """Value → text; empty when it is a number."""
-    confirmed: bool
-    marks: str
-    warning: str
-    stopped_only: bool
-    depends: Sequence[str]
-    """Other setpoints that its limits come from: with a new value of one of them they are others than drawn."""
-    reason: str
-    """Why this person cannot write it at all; empty = they can."""
-
-    @property
-    def mark(self) -> str:
-        """The maker's name for it, as it is shown; empty when there is none."""
-        return "" if self.code == self.key else self.code
-
-    @property
-    def permitted(self) -> str:
-        """The permitted range as drawn."""
-        if self.low is None or self.high is None:
-            return "– –"
-        return f"{self.point.number(self.low)} … {self.point.number(self.high)}"
-
-
-@dataclass(frozen=True, slots=True)
-class Group:
-    """Parameters that belong together."""
-
-    key: str
-    label: str
-    rows: Sequence[Parameter]
-
-    @property
-    def codes(self) -> str:
-        """First and last code: `F900 – F905`."""
-        codes = sorted(row.mark for row in self.rows)
-        return codes[0] if codes[0] == codes[-1] else f"{codes[0]} – {codes[-1]}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,55 +50,6 @@ class Row:
     text: str
     value: str
     """Read back, with its unit."""
-
-
-def groups_of(operation: Operation) -> list[Group]:
-    """The setpoints of the machine by group, in the order of the type's file."""
-    item, machine = operation.equipment.equipment, operation.equipment
-    found: dict[str, list[Parameter]] = {}
-    for key, setpoint in item.type.setpoints.items():
-        if key in item.points:
-            found.setdefault(setpoint.group, []).append(_parameter(operation, key, setpoint))
-    return [
-        Group(key or "other", machine.t(key) if key else machine.text("par.other"), rows) for key, rows in found.items()
-    ]
-
-
-def _parameter(operation: Operation, key: str, setpoint: Setpoint) -> Parameter:
-    machine, person = operation.equipment, operation.person
-    point = machine.point(key)
-    look = operation.look
-    marks = setpoint.certainty
-    low, high = expression.number(setpoint.low, look), expression.number(setpoint.high, look)
-    item_setpoints = machine.equipment.type.setpoints.keys()
-    reason = ""
-    if person is None or not person.may("configure") or setpoint.role not in person.roles:
-        reason = machine.text("par.engineers_write")
-    return Parameter(
-        key,
-        setpoint.code or key,
-        point,
-        low,
-        high,
-        "" if setpoint.default is None else _default(machine.t, setpoint, point),
-        {f"{value:g}": machine.t(text) for value, text in setpoint.options.items()},
-        bool(CONFIRMED & set(marks)) and "?" not in marks,
-        marks,
-        machine.t(setpoint.warning) if setpoint.warning else "",
-        setpoint.stopped_only,
-        sorted(_names(setpoint) & item_setpoints),
-        reason,
-    )
-
-
-def _names(setpoint: Setpoint) -> frozenset[str]:
-    return expression.parse(setpoint.low).names | expression.parse(setpoint.high).names
-
-
-def _default(t: "object", setpoint: Setpoint, point: PointView) -> str:
-    assert setpoint.default is not None
-    key = setpoint.options.get(int(setpoint.default)) if setpoint.options else None
-    return str(t(key)) if key and callable(t) else point.number(setpoint.default)
 
 
 # ---- faceplate ----------------------------------------------------------------------------------------------
@@ -206,6 +105,8 @@ async def parameters(request: Request, key: str) -> HTMLResponse:
         equipment=machine,
         operation=operation,
         groups=groups_of(operation),
+        lines=[],
+        rows=[],
         message=operation.story,
     )
 
@@ -233,26 +134,34 @@ async def read_again(request: Request, key: str) -> Response:
     )
 
 
+@router.post("/equipment/{key}/parameters/review", dependencies=[allow("configure")])
+async def review(request: Request, key: str) -> Response:
+    """What is typed, beside what the device holds; nothing is kept here."""
+    operation = operation_of(request, key)
+    form = await fields(request, (), ("id", "nonce", "reason", *field_names(operation)))
+    return _answered(request, operation, "", "", [], typed_of(form), seen_of(form))
+
+
 @router.post("/equipment/{key}/parameters", dependencies=[allow("configure")])
 async def write(request: Request, key: str) -> Response:
     """Write the reviewed changes as one set and say for each what the drive holds now."""
     operation = operation_of(request, key)
-    form = await fields(request, (), ("id", "nonce", "reason"), lists=("key", "value", "expected"))
-    keys, values, expected = [await field_list(request, name) for name in ("key", "value", "expected")]
-    if not keys or len(keys) > MOST or not len(keys) == len(values) == len(expected) or len(set(keys)) != len(keys):
+    form = await fields(request, (), ("id", "nonce", "reason", *field_names(operation)))
+    typed, seen = typed_of(form), seen_of(form)
+    if not typed:
         raise Refused("par.form", 422)
+    if len(typed) > MOST:
+        raise Refused("why.par_count", 422, n=len(typed), limit=MOST)
+    if not is_reviewed(form):
+        return _answered(request, operation, operation.equipment.text("par.unreviewed"), "error", [], typed, seen)
     if len(form["reason"]) > LONGEST_REASON:
         raise Refused("why.reason_too_long", 422, length=len(form["reason"]), limit=LONGEST_REASON)
     try:
         progress = await gate_of(operation).set_values(
             person_of(request),
             operation.id,
-            dict(zip(keys, values, strict=True)),
-            seen={
-                key: number
-                for key, text in zip(keys, expected, strict=True)
-                if (number := number_or_none(text)) is not None
-            },
+            typed,
+            seen={key: number for key in typed if (number := number_or_none(seen.get(key, ""))) is not None},
             id=form["id"][:64],
             nonce=form["nonce"],
             confirmed=True,
@@ -261,24 +170,37 @@ async def write(request: Request, key: str) -> Response:
             language=language_of(request),
         )
     except Refused as refusal:
-        return _answered(
-            request, operation, operation.words.refusal(refusal), "error", _refused_rows(operation, refusal)
-        )
+        text, rows = operation.words.refusal(refusal), _refused_rows(operation, refusal)
+        return _answered(request, operation, text, "error", rows, typed)
     done = progress.state in (ProgressState.CONFIRMED, ProgressState.DRY_RUN)
     written = progress.state is ProgressState.CONFIRMED
-    text = operation.equipment.text("par.written", n=len(keys)) if written else operation.words.tell(progress).text
+    text = operation.equipment.text("par.written", n=len(typed)) if written else operation.words.tell(progress).text
     rows = [_row(operation, change, dry=progress.state is ProgressState.DRY_RUN) for change in progress.changes]
-    return _answered(request, operation, text, "done" if done else "error", rows)
+    over = {change.key for change, row in zip(progress.changes, rows, strict=True) if row.done}
+    return _answered(request, operation, text, "done" if done else "error", rows, typed, over=over)
 
 
-def _answered(request: Request, operation: Operation, text: str, kind: str, rows: Sequence[Row]) -> Response:
-    view = view_of(request)
+def _answered(
+    request: Request,
+    operation: Operation,
+    text: str,
+    kind: str,
+    rows: Sequence[Row],
+    typed: Mapping[str, str],
+    seen: Mapping[str, str] = NOTHING,
+    *,
+    over: Set[str] = NONE,
+) -> Response:
+    """What is left of what was typed, reviewed anew; `over` are the keys whose value was written, their fields are empty again."""
+    view, fresh = view_of(request), operation.fresh()
     return view.fragment(
         request,
         "fragments/parameters_answer.html",
-        operation=operation.fresh(),
-        equipment=operation.equipment,
+        operation=fresh,
+        equipment=fresh.equipment,
         rows=rows,
+        lines=reviewed(fresh, {key: new for key, new in typed.items() if key not in over}, seen),
+        written=groups_of(fresh, over),
         text=text,
         kind=kind,
         at=operation.words.time(view.runtime(request).clock.micros()),

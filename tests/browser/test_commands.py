@@ -497,6 +497,33 @@ def test_parameters_are_edited_reviewed_and_written_with_a_result_per_row(sit: S
     expect(page.locator("#message")).to_contain_text("Read from the drive")
 
 
+def test_new_values_are_reviewed_as_soon_as_the_server_is_back_and_discarded_on_one_press(
+    sit: Sit, server: PogonServer
+) -> None:
+    page = sit("ana", "/equipment/m2/parameters")
+    field, write = page.locator("tr[data-key=f116] [data-new]"), page.locator("[data-submit]")
+    server.process.send_signal(signal.SIGSTOP)
+    try:
+        field.fill("7.5")
+        expect(write).to_be_disabled()
+        expect(page.locator("body")).to_have_attribute("data-live", "offline", timeout=6000)
+        expect(page.locator("[data-changes]")).to_have_count(0)
+    finally:
+        server.process.send_signal(signal.SIGCONT)
+    expect(page.locator("[data-changes] li")).to_have_text(re.compile("7.5"), timeout=30_000)
+    expect(write).to_be_enabled()
+    field.fill("75x")
+    field.press("Enter")  # is no write, and sends nobody away
+    expect(page.locator("[data-changes] li")).to_contain_text("Not a number: 75x")
+    expect(field).to_have_attribute("aria-invalid", "true")
+    expect(write).to_be_disabled()
+    page.click("[data-discard]")
+    expect(field).to_have_value("")
+    expect(page.locator("[data-nothing]")).to_be_visible()
+    expect(field).not_to_have_attribute("aria-invalid", re.compile(""))
+    page.goto(page.url.removesuffix("/parameters"))  # nothing holds the page back
+
+
 # ---- a lost server, a keyboard ------------------------------------------------------------------------------------
 
 

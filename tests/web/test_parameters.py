@@ -39,18 +39,36 @@ def calm(staff: Staff) -> Iterator[None]:
 def write(
     who: Operator, equipment: str, changes: dict[str, str], seen: dict[str, str] | None = None, **more: str
 ) -> Answer:
-    """What the page sends: each value with what it was seen at."""
-    nonce = who.nonce()
-    body = [("csrf", who.staff.access.form_token(who.sid)), ("nonce", nonce), *more.items()]
-    for key, text in changes.items():
-        body += [("key", key), ("value", text), ("expected", (seen or {}).get(key, ""))]
+    """What the page sends: each value with what it was seen at when it was reviewed."""
+    fields = {f"said.{key}": text for key, text in changes.items()} | {
+        f"seen.{key}": number for key, number in (seen or {}).items()
+    }
+    return send(who, f"{equipment}/parameters", changes, {"nonce": who.nonce(), **fields, **more})
+
+
+def review(who: Operator, equipment: str, changes: dict[str, str], **more: str) -> list[tuple[str, str]]:
+    """What the page says of each value: (rv-ok or rv-bad, its words)."""
+    answer = send(who, f"{equipment}/parameters/review", changes, more)
+    assert answer.status_code == 200, answer.text
+    return [
+        (look, words(text))
+        for look, text in re.findall(r'<li class="rv (\S+)" data-change.*?>(.*?)</li>', answer.text, re.S)
+    ]
+
+
+def send(who: Operator, address: str, changes: dict[str, str], more: dict[str, str]) -> Answer:
+    body = {
+        "csrf": who.staff.access.form_token(who.sid),
+        **{f"new.{key}": text for key, text in changes.items()},
+        **more,
+    }
     who.sit()
     headers = {
         "Origin": "http://127.0.0.1:8000",
         "HX-Request": "true",
         "Content-Type": "application/x-www-form-urlencoded",
     }
-    return who.staff.client.post(f"/equipment/{equipment}/parameters", content=urlencode(body), headers=headers)
+    return who.staff.client.post(f"/equipment/{address}", content=urlencode(body), headers=headers)
 
 
 def rows(answer: Answer) -> dict[str, str]:
@@ -80,6 +98,51 @@ def test_reviewed_changes_are_written_as_one_with_what_was_read_back(staff: Staf
         )
 
 
+def test_a_review_says_what_was_what_is_new_and_what_is_wrong(staff: Staff, ivo: Operator) -> None:
+    held_now = held(staff, "m2.f116")[0]
+    lines = review(ivo, "m2", {"f116": f"{1.5 * held_now:g}", "f117": "0.01", "f118": "1,5x", "f904": "4", "f115": " "})
+    assert [look for look, _ in lines] == ["rv-ok", "rv-bad", "rv-bad", "rv-ok"]
+    assert f"{held_now:.1f}" in lines[0][1] and "+50" in lines[0][1]
+    assert "Permitted: 0.1 … 3 000 s" in lines[1][1]
+    assert "1,5x" in lines[2][1]
+    assert "Writing this cuts the line to the drive" in lines[3][1]
+    assert review(ivo, "m2", {"f116": ""}) == []
+    ivo.language = "de"
+    try:
+        assert review(ivo, "m2", {"f116": "7.5"})[0][0] == "rv-ok"
+        assert "1.250" in review(ivo, "m2", {"f116": "1.250"})[0][1]  # one thousand and more, or one and a quarter
+    finally:
+        ivo.language = "en"
+
+
+def test_what_the_device_held_when_the_edit_began_is_kept_from_review_to_review(staff: Staff, ivo: Operator) -> None:
+    answer = send(ivo, "m2/parameters/review", {"f116": "7.5", "f117": "8"}, {"seen.f116": "4.5"})
+    assert 'name="seen.f116" value="4.5"' in answer.text
+    assert f'name="seen.f117" value="{held(staff, "m2.f117")[0]!r}"' in answer.text
+
+
+def test_nothing_is_written_that_was_not_reviewed_as_it_is_typed(staff: Staff, ivo: Operator) -> None:
+    ivo.take("m2")
+    before = held(staff, "m2.f116", "m2.f117")
+    answer = send(
+        ivo, "m2/parameters", {"f116": "75", "f117": "8"}, {"nonce": ivo.nonce(), "said.f116": "7", "said.f117": "8"}
+    )
+    assert line_of(answer) == "Changed since the review: look at the list and write again"
+    assert 'name="said.f116" value="75"' in answer.text
+    assert held(staff, "m2.f116", "m2.f117") == before
+
+
+@pytest.mark.parametrize("more", [{"new.nothing": "1"}, {"seen.f116": "5", "new.f116.x": "6"}, {"new.state": "1"}])
+def test_a_review_of_what_is_no_parameter_is_refused_by_name(ivo: Operator, more: dict[str, str]) -> None:
+    answer = send(ivo, "m2/parameters/review", {}, more)
+    assert answer.status_code == 422 and "new." in words(answer.text)
+
+
+def test_an_operator_reviews_nothing(staff: Staff) -> None:
+    ana = Operator(staff, "ana", ("operator",))
+    assert send(ana, "m2/parameters/review", {"f116": "7.5"}, {}).status_code == 403
+
+
 def test_one_value_out_of_range_keeps_all_from_being_written(staff: Staff, ivo: Operator) -> None:
     ivo.take("m2")
     before = held(staff, "m2.f116", "m2.f117")
@@ -91,8 +154,8 @@ def test_one_value_out_of_range_keeps_all_from_being_written(staff: Staff, ivo: 
 
 def test_limits_that_move_together_are_one_set(staff: Staff, ivo: Operator) -> None:
     ivo.take("m2")
-    page = ivo.get("/equipment/m2/parameters", fragment=False).text
-    assert 'data-key="frequency_setpoint"' in page and 'data-depends="f111 f112"' in page
+    assert review(ivo, "m2", {"frequency_setpoint": "60"})[0][0] == "rv-bad"
+    assert [look for look, _ in review(ivo, "m2", {"frequency_setpoint": "60", "f111": "65"})] == ["rv-ok", "rv-ok"]
     answer = write(ivo, "m2", {"frequency_setpoint": "60", "f111": "65"})
     assert rows(answer) == {"F113": "yes", "F111": "yes"}, words(answer.text)
     answer = write(ivo, "m2", {"frequency_setpoint": "40", "f111": "50"})
@@ -171,10 +234,11 @@ def test_a_mixed_state_is_told_in_the_readers_language(staff: Staff, ivo: Operat
         write(ivo, "m2", {"f116": "1", "f117": "1"})
 
 
-def test_limits_of_a_parameter_name_what_they_come_from(staff: Staff, ivo: Operator) -> None:
-    page = ivo.get("/equipment/c1/parameters", fragment=False).text
-    assert re.search(r'data-key="shortest"[^>]*data-depends="longest"', page)
-    assert re.search(r'data-key="jerk"[^>]*data-depends=""', page)
+def test_limits_that_come_from_another_new_value_are_for_the_gate(staff: Staff, ivo: Operator) -> None:
+    high = held(staff, "c1.longest")[0]
+    assert review(ivo, "c1", {"shortest": f"{high + 1:g}"})[0][0] == "rv-bad"
+    assert review(ivo, "c1", {"shortest": f"{high + 1:g}", "longest": f"{high + 2:g}"})[0][0] == "rv-ok"
+    assert review(ivo, "c1", {"jerk": "999999", "longest": f"{high + 2:g}"})[0][0] == "rv-bad"
 
 
 @pytest.mark.parametrize(
