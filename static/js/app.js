@@ -15,7 +15,7 @@
       api.initSecurity({ createHTML: inert, createScript: () => "" }, refuse, refuse);
     },
     htmx_before_on_init: () => false,
-    htmx_before_request: (element, { ctx }) => { if (renewed(element)) ctx.fetch = whole; },
+    htmx_before_request: (element, { ctx }) => { ctx.fetch = whole; },
     htmx_after_request: (element, { ctx }) => { ctx.text = withoutScripts(ctx.text); },
     htmx_config_request: (element, { ctx }) => {
       ctx.request.headers["X-Page-Language"] = body.dataset.lang;
@@ -36,12 +36,13 @@
     },
   });
 
-  /** As fetch, but the answer is there with all its text; where none came, or not whole, it is one that asks to come again later. */
+  /** As fetch, but the answer is there with all its text; where none came, or not whole, it is one without words that asks to come again later. */
   async function whole(url, request) {
     try {
       const answer = await window.fetch(url, request), text = await answer.text();
       return new Response(text || null, { status: answer.status, headers: answer.headers });
-    } catch {
+    } catch (error) {
+      if (request.signal.aborted && request.signal.reason !== "timeout") throw error; // another question took its place
       return new Response(null, { status: 503 });
     }
   }
@@ -73,10 +74,7 @@
   document.addEventListener("htmx:response:error", ({ target, detail: { ctx } }) => {
     if (renewed(target)) return;
     const answer = new DOMParser().parseFromString(ctx.text ?? "", "text/html");
-    say(answer.querySelector("[data-message]")?.textContent.trim() || line.dataset.refused, "error");
-  });
-  document.addEventListener("htmx:error", ({ target, detail: { ctx } }) => {
-    if (ctx && !ctx.response && !renewed(target)) say(line.dataset.network, "error");
+    say(answer.querySelector("[data-message]")?.textContent.trim() || (ctx.text ? line.dataset.refused : line.dataset.network), "error");
   });
 
   // ---- what is fetched again by itself (data-renewed, hx-trigger="…, again"): asked for once more when an answer got lost, and nobody is

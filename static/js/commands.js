@@ -118,6 +118,7 @@ function renew(old, fresh) {
   const key = focused && focused !== old ? [focused.id, focused.dataset.token, focused.name].find(Boolean) : "";
   const all = focused?.matches?.("input") ? [focused.selectionStart, focused.selectionEnd] : null;
   old.innerHTML = fresh.innerHTML;
+  window.htmx.process(old);
   if (focused && focused !== old) {
     const again = [...old.querySelectorAll("button, input, a")].find((e) => key && [e.id, e.dataset.token, e.name].includes(key)) ?? old.querySelector("button, input");
     again?.focus();
@@ -192,7 +193,7 @@ document.addEventListener("pointerdown", ({ target }) => {
 });
 
 document.addEventListener("click", (event) => {
-  const button = event.target.closest?.("[data-command], [data-token], [data-faceplate], [data-cancel], [data-arguments], button[data-row]");
+  const button = event.target.closest?.("[data-command], [data-faceplate], [data-cancel], [data-arguments], button[data-row]");
   if (!button || event.ctrlKey || event.metaKey) return;
   if (button.matches("[data-cancel]")) return button.closest("[data-ask]")?.cancel?.();
   if (button.matches("[data-faceplate]") && offline()) return;
@@ -206,7 +207,7 @@ document.addEventListener("click", (event) => {
   }
   if (repeated) return;
   if (button.matches("[data-arguments]")) return askFor(button);
-  button.matches("[data-token]") ? token(button) : press(button);
+  press(button);
 });
 
 /** Open what asks for the arguments of a command; some commands are about the row that is chosen on the page. */
@@ -274,17 +275,6 @@ function current(element, answer, asks) {
   if (!root) return;
   spoken = "";
   refresh(root);
-}
-
-async function token(button) {
-  if (pressing.has("token")) return;
-  pressing.add("token");
-  const part = button.closest(".token") ?? button; // which stays where it is, though what is in it is drawn anew
-  part.ariaBusy = "true";
-  const got = await post(button.dataset.url, {});
-  got ? take(got, null) : told(textsOf(button).no_answer, "error");
-  part.ariaBusy = null;
-  pressing.delete("token");
 }
 
 // ---- setpoints ----------------------------------------------------------------------------------------------------------------------------

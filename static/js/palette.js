@@ -15,7 +15,7 @@ export async function show(url, typed = []) {
   const go = () => { while (waiting.length && !behind(dialog)) act(waiting.shift(), dialog); };
   dialog.addEventListener("keydown", (event) => { keys(event, dialog, waiting); });
   dialog.addEventListener("htmx:after:swap", go);
-  for (const gone of ["htmx:response:error", "htmx:error", "input"]) dialog.addEventListener(gone, () => { waiting.length = 0; });
+  for (const gone of ["htmx:response:error", "input"]) dialog.addEventListener(gone, () => { waiting.length = 0; });
   if (!input || !typed.length) return;
   for (const key of typed) input.value = key === "Backspace" ? input.value.slice(0, -1) : input.value + (key.length === 1 ? key : "");
   input.dispatchEvent(new Event("input", { bubbles: true }));

@@ -570,7 +570,7 @@ CUT = """() => {
 }"""
 
 
-@pytest.mark.parametrize("what", ["command", "stop", "hold", "control", "faceplate", "setpoint"])
+@pytest.mark.parametrize("what", ["command", "stop", "hold", "control", "faceplate", "setpoint", "parameter"])
 def test_an_answer_whose_time_ends_after_its_head_is_none_and_throws_nothing(sit: Sit, what: str) -> None:
     page = sit("ana", "/equipment/m2")
     take(page)
@@ -581,6 +581,10 @@ def test_an_answer_whose_time_ends_after_its_head_is_none_and_throws_nothing(sit
     if what == "hold":
         page.click(".op-mode label:has([value=hold])")
         expect(page.locator("[data-hold='m2.jog_forward']")).not_to_have_attribute("aria-disabled", "true")
+    if what == "parameter":
+        page.goto(page.url + "/parameters")
+        page.fill("tr[data-key=f116] [data-new]", "7.5")
+        expect(page.locator("[data-changes] li")).to_have_count(1)
     page.evaluate(CUT)
     if what == "command":
         page.click("[data-command='m2.coast']")
@@ -592,6 +596,8 @@ def test_an_answer_whose_time_ends_after_its_head_is_none_and_throws_nothing(sit
         page.click("[data-token=take]")
     elif what == "faceplate":
         page.click("[data-faceplate]")
+    elif what == "parameter":
+        page.click("[data-submit]")
     else:
         page.fill("#set-m2\\.set_frequency", "41")
         page.keyboard.press("Enter")
