@@ -73,7 +73,7 @@ def test_a_plant_takes_it_and_its_limits_come_from_its_ratings(client: TestClien
     runtime = client.app.state.runtime  # type: ignore[attr-defined]
     item = runtime.plant.equipment["p1"]
     assert item.points["level"].high == 6 and item.points["level"].normal == (1, pytest.approx(4.8))
-    assert set(item.type.orders) == {"start", "set_level", "stop"}
+    assert set(item.type.orders) == {"start", "fill", "set_level", "stop"}
 
 
 def test_it_is_drawn_without_a_template_and_says_that_it_does_not_answer(client: TestClient) -> None:

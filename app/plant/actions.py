@@ -12,11 +12,33 @@
     resume = "resume"
     stop = "abort"                                      the command that ends it; else the type's Stop
 
+    [actions.orders.feed]                               one that ends with a stop of its own
+    label = "order.feed"                                text key; else it is called as its commands are
+    arguments = [{ name = "products", type = "u32", low = 1, high = 1000 }]     values that a step gives and its sentences read
+    commands = [{ command = "start" }]
+    done = "out - before.out >= products"               `before.out` is what the point `out` said before the first command
+    failed = "running == 0"
+    then = "stop"                                       given when it is done, and confirmed before it counts as done
+    [actions.orders.feed.needs.counter]                 as a permissive: else it is refused and says why
+    expression = "counter_fault == 0"
+
+    [actions.orders.to_the_gate]
+    commands = [{ command = "start" }]
+    armed = "at_gate == 0"                              `done` counts only from when this was true
+    done = "at_gate == 1"
+    then = "stop"
+
 A command goes through the gate as a person's does; `value` names what a step gives for it. Only what an operator may ask without a
 reason, a password or a held button can be an action.
 """
 
 from dataclasses import dataclass
+
+from app.plant.argument import Argument
+from app.plant.condition import Condition
+
+BEFORE = "before."
+"""Begins the name of what a point said before an action began."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +72,22 @@ class Action:
     """Sentence: what was suspended may go on; empty = at once."""
     stop: str = ""
     """Command that ends it; empty = the type's Stop."""
+    then: str = ""
+    """Command that is given when `done` is true by two readings; it is over when that is confirmed. Empty = none."""
+    armed: str = ""
+    """Sentence: `done` counts only from when it was true; empty = at once."""
+    arguments: tuple[Argument, ...] = ()
+    """Values that a step gives to its sentences and no command takes; their limits are numbers."""
+    needs: tuple[Condition, ...] = ()
+    """What must be true before it begins; else it is refused."""
+    label: str = ""
+    """Text key; empty = it is called as its commands are."""
 
     @property
     def values(self) -> tuple[str, ...]:
         """Names of the values that a step gives."""
-        return tuple(name for each in self.commands for name in ((each.value,) if each.value else each.arguments))
+        taken = (name for each in self.commands for name in ((each.value,) if each.value else each.arguments))
+        return (*taken, *(one.name for one in self.arguments))
 
     @property
     def optional(self) -> tuple[str, ...]:

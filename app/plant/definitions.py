@@ -10,6 +10,8 @@ from pathlib import Path
 
 from app.plant.actions import Action
 from app.plant.alarm_class import AlarmClass
+from app.plant.argument import Argument as Argument
+from app.plant.condition import Condition as Condition
 from app.plant.lesson_definition import Lesson
 from app.plant.picture import PictureData
 from app.plant.sequence_definition import SequenceDefinition
@@ -100,23 +102,6 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
-    """A sentence of the small grammar (plant/expression.py) with the text that names it in positive wording."""
-
-    key: str
-    label: str
-    expression: str
-    commands: Sequence[str] = ()
-    """Commands it guards; empty = all that move."""
-    missing: str = ""
-    """Text key: what is wrong while it does not hold, and the way out; empty = only `label` is told."""
-    values: Mapping[str, str] = field(default_factory=dict)
-    """Numbers that this text names: name → expression over points."""
-    situational: bool = False
-    """It is not met in good running, too (standstill, a mode): it looks missing only at the command that it guards."""
-
-
-@dataclass(frozen=True, slots=True)
 class Effect:
     """What a command will do, as the question before it tells it."""
 
@@ -142,22 +127,6 @@ class Write:
     """Sentence that must hold before it is written, by values read after the write before it; empty = at once."""
     within: float = 2.0
     """How long that is waited for [s]; then the command has failed."""
-
-
-@dataclass(frozen=True, slots=True)
-class Argument:
-    """One of up to four arguments of a command that is sent as a code."""
-
-    name: str
-    type: Type = Type.F32
-    """u32, i32 or f32."""
-    low: str = ""
-    """Least value: a number or an expression over points; empty = none."""
-    high: str = ""
-    unit: str = ""
-    decimals: int = 0
-    label: str = ""
-    """Text key."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from difflib import get_close_matches
 from app.plant.definitions import Argument, Equipment, Kind, Link, Plant, Scan, Type
 from app.plant.said import said
 from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceOrder
+from app.plant.sequence_recipe import check_whole
 from app.plant.tables import MISSING, Table, one_of, perhaps, span
 from app.plant.type_files.orders import expected_action
 
@@ -117,6 +118,27 @@ def check_order(
                     )
                 elif argument.type is not Type.F32 and not value.is_integer():
                     table.note(f"values.{argument.name}", value, said("mistake.whole"))
+    for argument in action.arguments:
+        if argument.name in order.values:
+            _check_own(table, argument, order, recipe, machine, spans[argument.name])
+
+
+def _check_own(
+    table: Table,
+    argument: Argument,
+    order: SequenceOrder,
+    recipe: Sequence[RecipeValue],
+    machine: Equipment,
+    ends: Sequence[float],
+) -> None:
+    """A value that the sentences of the action read: no command is there to refuse it later."""
+    name, value = f"values.{argument.name}", order.values[argument.name]
+    _check_range(table, argument.name, ends, _number(argument.low), _number(argument.high), machine)
+    own = next((one for one in recipe if one.key == order.recipe.get(argument.name)), None)
+    if argument.type is not Type.F32 and own is not None:
+        check_whole(table, name, own)
+    elif argument.type is not Type.F32 and not value.is_integer():
+        table.note(name, value, said("mistake.whole"))
 
 
 def _check_range(

@@ -91,15 +91,18 @@ def check_time(table: Table, key: str, value: RecipeValue, most: float) -> None:
 
 def check_count(table: Table, key: str, value: RecipeValue, most: int) -> None:
     """Note a value of a run that cannot be how often something is done: whole numbers from 1."""
-    given = PREFIX + value.key
-    if value.decimals or not all(one.is_integer() for one in (value.low, value.high, value.default)):
-        default = f"{value.default:g}"
-        expected = said(
-            "mistake.run_whole", decimals=value.decimals, low=f"{value.low:g}", high=f"{value.high:g}", default=default
-        )
-        table.note(key, given, expected)
-    elif not (value.low >= 1 and value.high <= most):
-        table.note(key, given, said("mistake.run_count", most=most, low=f"{value.low:g}", high=f"{value.high:g}"))
+    if check_whole(table, key, value) and not (value.low >= 1 and value.high <= most):
+        ends = {"low": f"{value.low:g}", "high": f"{value.high:g}"}
+        table.note(key, PREFIX + value.key, said("mistake.run_count", most=most, **ends))
+
+
+def check_whole(table: Table, key: str, value: RecipeValue) -> bool:
+    """Whether a value of a run is always a whole number; noted when not."""
+    if not value.decimals and all(one.is_integer() for one in (value.low, value.high, value.default)):
+        return True
+    ends = {"low": f"{value.low:g}", "high": f"{value.high:g}", "default": f"{value.default:g}"}
+    table.note(key, PREFIX + value.key, said("mistake.run_whole", decimals=value.decimals, **ends))
+    return False
 
 
 def check_names(table: Table, key: str, text: str, names: Sequence[str], known: Sequence[RecipeValue]) -> None:

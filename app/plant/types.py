@@ -319,7 +319,11 @@ def text_keys(data: TypeData) -> Iterator[str]:
         yield from (effect.text for effect in command.effects)
         yield from command.refused.values()
         yield from (argument.label for argument in command.arguments)
-    for condition in (*kind.permissives, *kind.interlocks, *kind.checks):
+    for action in kind.orders.values():
+        yield from [action.label] if action.label else []
+        yield from (argument.label for argument in action.arguments)
+    needs = (need for action in kind.orders.values() for need in action.needs)
+    for condition in (*kind.permissives, *kind.interlocks, *kind.checks, *needs):
         yield condition.label
         yield from [condition.missing] if condition.missing else []
     yield from (rating.missing for rating in kind.ratings)

@@ -11,7 +11,7 @@ import logging
 from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from math import inf, isfinite, nan
+from math import isfinite, nan
 
 from app import chance
 from app.access.roles import Person, permissions_of
@@ -21,12 +21,12 @@ from app.commands.orders import Writer
 from app.errors import Refused
 from app.plant.actions import Action, ActionCommand
 from app.plant.definitions import Equipment, Plant
-from app.plant.expression import Reading, parse
 from app.plant.sequence_definition import SequenceOrder
 from app.plant.sequence_recipe import last_of
+from app.running.order_end import ENDED, OrderEnd, seen
 from app.sim.plant import SimPlant
 from app.tags.database import TagDatabase
-from app.tags.quality import NO_DATA, is_good
+from app.tags.quality import is_good
 
 log = logging.getLogger(__name__)
 
@@ -36,12 +36,8 @@ OPERATOR = frozenset({"operator"})
 LIVE = "why.sequence_live"
 TOO_SOON = "why.too_soon"
 NEWER = "why.superseded"
-ENDED = "why.order_ended"
-LOOK = 0.1
-"""Between two looks at whether an action has ended [s]."""
 STANDING = 60.0
 """How long a machine may take to stand after its `suspend`; then it is stopped [s]."""
-UNSEEN: Reading = (None, NO_DATA)
 
 
 def is_sequence(person: Person) -> bool:
@@ -105,6 +101,7 @@ class _Carried:
     action: Action
     given: GivenOrders
     number: int
+    end: OrderEnd
     stage: Stage = Stage.WAITING
     again: bool = False
     """It was confirmed and is given again after a Stop."""
@@ -167,7 +164,8 @@ class SequenceDesk:
             if action is None:
                 self._fail(given, number, "fb.failed", {})  # it was there when the plant was read
                 return given
-            self._carried.setdefault(order.machine, []).append(_Carried(order, action, given, number))
+            end = OrderEnd(self._tags, action, order.values)
+            self._carried.setdefault(order.machine, []).append(_Carried(order, action, given, number, end))
         for machine in dict.fromkeys(order.machine for order in orders):
             self._go(machine)
         return given
@@ -253,7 +251,9 @@ class SequenceDesk:
             try:
                 await self._carry_out(one)
             except Refused as refusal:
-                self._fail(one.given, one.number, refusal.reason, refusal.params)
+                other = _other_stop(self.gate, self._plant, machine, self._prefix) if refusal.reason == ENDED else None
+                said = (NEWER, _newer(other)) if other else (refusal.reason, refusal.params)
+                self._fail(one.given, one.number, *said)
                 if refusal.reason == ENDED and _held_by_other(self.gate, self.person, machine):
                     self._carried.pop(machine, None)  # who has ended it keeps it as it goes
                 return
@@ -270,7 +270,7 @@ class SequenceDesk:
         self.failed = given
 
     async def _carry_out(self, one: _Carried) -> None:
-        """Every command of the action, each confirmed before the next, and its end if it has one.
+        """Every command of the action, each confirmed before the next, and its end if it has one, with the command that it ends with.
 
         Raises:
             Refused: the gate said no, nothing confirmed it, or it ended otherwise.
@@ -278,9 +278,11 @@ class SequenceDesk:
         item = self._plant.equipment[one.order.machine]
         if one.stage is Stage.SENT and item.id in self._paused:
             self._paused.discard(item.id)
-            if _true(self._tags, item, one.action.done) is not True:
+            if not one.end.done(item):
                 await self._confirmed(item, ActionCommand(one.action.resume), one.order)
         else:
+            if one.stage is Stage.WAITING:
+                await one.end.begin(item)
             *first, last = one.action.commands
             for command in first:
                 await self._confirmed(item, command, one.order)
@@ -291,8 +293,9 @@ class SequenceDesk:
                 one.stage = Stage.WAITING  # nothing left: what the machine does is not of this run
                 raise
             _check(asked)
-        if one.action.done:
-            await _ended_well(self._tags, item, one.action)
+        await one.end.wait(item)
+        if one.action.then:
+            await self._confirmed(item, ActionCommand(one.action.then))
 
     async def _confirmed(self, item: Equipment, command: ActionCommand, order: SequenceOrder | None = None) -> None:
         """Ask for one command and wait until it is confirmed.
@@ -326,7 +329,7 @@ class SequenceDesk:
 
     async def _ask(self, item: Equipment, command: ActionCommand, values: Mapping[str, float]) -> Progress:
         stop = item.type.commands[command.command].stop
-        if not stop and (other := self._other_stop(item.id)) is not None:
+        if not stop and (other := _other_stop(self.gate, self._plant, item.id, self._prefix)) is not None:
             raise Refused(NEWER, 409, **_newer(other))
         self._number += 1
         id = f"{self._prefix}-{self._number}"
@@ -358,11 +361,6 @@ class SequenceDesk:
         if held and (_is_stop(self._plant, progress, self._prefix) or _is_anew(held, progress, self._prefix)):
             self._lose(progress)
 
-    def _other_stop(self, machine: str) -> Progress | None:
-        """A Stop of somebody else that is at work."""
-        at_work = self.gate.progress(machine)
-        return at_work if at_work and not at_work.over and _is_stop(self._plant, at_work, self._prefix) else None
-
     def _lose(self, stop: Progress) -> None:
         """Somebody else stopped a machine of this run, or gave it another order: it gets nothing more, and the run is over."""
         machine, last = stop.equipment, self._carried[stop.equipment][-1]
@@ -378,11 +376,11 @@ class SequenceDesk:
 
     async def _suspend(self, machine: str, held: Sequence[_Carried]) -> None:
         under_way = next((one for one in held if one.stage is Stage.SENT), None)
-        action = under_way.action if under_way is not None and under_way.action.suspend else None
-        if action is not None and (machine in self._paused or await self._done(machine, action.suspend)):
+        suspend = under_way.action.suspend if under_way is not None else ""
+        if under_way is not None and suspend and (machine in self._paused or await self._done(machine, suspend)):
             self._paused.add(machine)
-            item = self._plant.equipment[machine]
-            if not action.stands or await _first_true(self._tags, item, action.stands, within=STANDING):
+            item, stands = self._plant.equipment[machine], under_way.action.stands
+            if not stands or await under_way.end.first_true(item, stands, within=STANDING):
                 return
             self._paused.discard(machine)
             log.warning("suspended machine does not stand sequence=%s machine=%s", self.person.name, machine)
@@ -412,7 +410,7 @@ class SequenceDesk:
     async def _stop(self, machine: str) -> None:
         item = _as_it_is(self._plant.equipment[machine], self.plant_now())
         stop = next((key for key, command in item.type.commands.items() if command.stop), "")
-        if stop and self._other_stop(item.id) is None:  # which the gate repeats until it is read back
+        if stop and _other_stop(self.gate, self._plant, item.id, self._prefix) is None:  # else it is repeated already
             await self._done(machine, stop)  # the audit has it, and the gate alarms a Stop that nobody confirms
 
 
@@ -438,6 +436,12 @@ def _is_stop(plant: Plant, progress: Progress, own: str) -> bool:
     item = plant.equipment.get(progress.equipment)
     command = item.type.commands.get(progress.command) if item else None
     return command is not None and command.stop
+
+
+def _other_stop(gate: Gate, plant: Plant, machine: str, own: str) -> Progress | None:
+    """A Stop of somebody else that is at work."""
+    at_work = gate.progress(machine)
+    return at_work if at_work and not at_work.over and _is_stop(plant, at_work, own) else None
 
 
 def _is_anew(held: Iterable[_Carried], progress: Progress, own: str) -> bool:
@@ -473,49 +477,11 @@ def _check(asked: Progress) -> None:
         raise Refused(asked.reason or asked.text, 409, **asked.params)
 
 
-async def _ended_well(tags: TagDatabase | None, item: Equipment, action: Action) -> None:
-    """Wait for the end of an action, by what was read since it was confirmed.
-
-    Raises:
-        Refused: it ended otherwise.
-    """
-    if await _first_true(tags, item, action.done, action.failed) != action.done:
-        raise Refused(ENDED, 409, machine=item.id)
-
-
-async def _first_true(tags: TagDatabase | None, item: Equipment, *sentences: str, within: float = inf) -> str:
-    """Wait until one of `sentences` is true by what was read from now on; which one, empty = none was `within` so many seconds."""
-    loop = asyncio.get_running_loop()
-    since = loop.time()
-    wanted = [text for text in sentences if text]
-    names = {f"{item.id}.{name}" for text in wanted for name in parse(text).names}
-    while (passed := loop.time() - since) <= within:
-        if _fresh(tags, names, passed):
-            for text in wanted:
-                if _true(tags, item, text) is True:
-                    return text
-        await asyncio.sleep(LOOK)
-    return ""
-
-
-def _fresh(tags: TagDatabase | None, names: Iterable[str], age: float) -> bool:
-    return tags is not None and all(name in tags and tags.age(tags.handles[name]) < age for name in names)
-
-
-def _true(tags: TagDatabase | None, item: Equipment, sentence: str) -> bool | None:
-    return parse(sentence).true(lambda name: _seen(tags, f"{item.id}.{name}"))
-
-
-def _seen(tags: TagDatabase | None, name: str) -> Reading:
-    handle = tags.handles.get(name) if tags else None
-    return (tags.value(handle), tags.quality(handle)) if tags and handle is not None else UNSEEN
-
-
 def _of_run(tags: TagDatabase | None, item: Equipment, command: str, given: Mapping[str, float]) -> dict[str, float]:
     """The values of the run with which another sequence is started: what is given, else those of its last one, else its defaults."""
     if item.sequence is None or not item.type.commands[command].arguments:
         return {}
-    last = last_of(item.sequence, lambda key: _seen(tags, f"{item.id}.{key}"))
+    last = last_of(item.sequence, lambda key: seen(tags, f"{item.id}.{key}"))
     return last | {key: value for key, value in given.items() if key in last}
 
 
@@ -525,7 +491,7 @@ def _replaces(one: _Carried, former: _Carried) -> bool:
         return False
     if one.action.adjusts:
         return former.action.key == one.action.key
-    return bool(former.action.done) or not one.action.done
+    return bool(former.action.done or one.action.then) or not one.action.done
 
 
 class SequenceDesks:

@@ -9,7 +9,6 @@ from app.commands.lifecycle import Progress, ProgressState
 from app.commands.value_set import Change, named
 from app.errors import Refused
 from app.plant.definitions import Argument
-from app.plant.texts import fill
 from app.web import format as fmt
 from app.web.points import EquipmentView
 from app.web.screens import in_words
@@ -79,13 +78,7 @@ class CommandWords:
 
     def told(self, key: str, numbers: Mapping[str, object]) -> str:
         """The text `key` of the type with the numbers that it names; – for one that is not known."""
-        lang = self.equipment.lang
-        written = {
-            name: fmt.number(value, fmt.shortest(value, 1), lang) if isinstance(value, int | float) else "–"
-            for name, value in numbers.items()
-            if value is None or isinstance(value, int | float)
-        }
-        return fill(self.equipment.t(key), {"name": self.equipment.label, **written})
+        return self.equipment.told(key, numbers)
 
     def because(self, progress: Progress) -> str:
         """Why a command came to another end than it should; empty when it did not."""

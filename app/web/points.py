@@ -10,7 +10,7 @@ from zoneinfo import ZoneInfo
 from app.clock import Clock
 from app.plant.definitions import Command, Equipment, Kind, Plant, Point, Setpoint
 from app.plant.derive import TIME_UNIT
-from app.plant.texts import Texts
+from app.plant.texts import Texts, fill
 from app.tags.batch import Value
 from app.tags.database import TagDatabase
 from app.tags.quality import NO_DATA
@@ -266,6 +266,15 @@ class EquipmentView:
         """A text of the equipment type, else of the product."""
         own = self.equipment.type.texts.get(self.lang, {}).get(key)
         return own if own is not None else self.text(key)
+
+    def told(self, key: str, numbers: Mapping[str, object]) -> str:
+        """The text `key` with the numbers that it names; – for one that is not known."""
+        written = {
+            name: fmt.number(value, fmt.shortest(value, 1), self.lang) if isinstance(value, int | float) else "–"
+            for name, value in numbers.items()
+            if value is None or isinstance(value, int | float)
+        }
+        return fill(self.t(key), {"name": self.label, **written})
 
     def point(self, key: str) -> PointView:
         """The point `key` as it stands; within one view always the same picture.

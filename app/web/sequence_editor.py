@@ -438,7 +438,8 @@ def _asked(
             action = next(iter(others[0].type.orders.values()))
             made = {"machine": others[0].id, "action": action.key}
             if action.values:
-                made["values"] = dict.fromkeys(action.values, 0)
+                least = {one.name: float(one.low) for one in action.arguments}
+                made["values"] = {name: int(least.get(name, 0)) for name in action.values}
             orders = table.get("orders", [])
             return [Insert((*path, "orders"), len(orders) if isinstance(orders, list) else 0, made)], section
         case "add_recipe" | "add_branches" | "add_loops" if section == "0":

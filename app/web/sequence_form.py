@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from app.errors import ConfigurationError
+from app.plant.actions import Action
 from app.plant.definitions import Equipment, Plant
 from app.plant.expression import Reading, parse
 from app.plant.problems import Problem
@@ -410,7 +411,7 @@ class Forms(_Fields):
                 f"{name}.action",
                 row.get("action"),
                 kind="choice",
-                choices=[(key, key) for key in orders],
+                choices=[(key, self._called(chosen, one)) for key, one in orders.items()],
                 required=True,
             ),
         ]
@@ -425,8 +426,16 @@ class Forms(_Fields):
         own = self._wrong(base, name).get(name)
         return OrderView(number, fields, own.expected if own else "")
 
-    def _unit(self, machine: Equipment | None, action: Any, value: str) -> str:
-        """Of the argument of the command that takes `value`."""
+    def _called(self, machine: Equipment | None, action: Action) -> str:
+        """An action as the file writes it, and in words where its type has some."""
+        view = self._equipment.other(machine.id) if machine and action.label else None
+        return f"{action.key} · {view.t(action.label)}" if view is not None else action.key
+
+    def _unit(self, machine: Equipment | None, action: Action | None, value: str) -> str:
+        """Of the argument of the command that takes `value`, or of the action itself."""
+        own = next((one for one in action.arguments if one.name == value), None) if action else None
+        if own is not None:
+            return own.unit
         for each in action.commands if action else ():
             command = machine.type.commands.get(each.command) if machine else None
             for argument in command.arguments if command else ():

@@ -1,9 +1,11 @@
 """What templates know of a sequence and the rest of the plant: where it runs, what its steps command, which points it cannot rely on."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from urllib.parse import quote
 from zoneinfo import ZoneInfo
 
+from app.plant.definitions import Argument
 from app.plant.expression import Reading, parse
 from app.plant.sequence_definition import SequenceDefinition, SequenceOrder
 from app.running.sequence_orders import SequenceDesk, SequenceDesks
@@ -59,6 +61,8 @@ class SequencePlant:
         if machine is None or action is None:
             return str(order)
         order = order.given({one.key: one.point.value for one in self.recipe if one.known})  # type: ignore[misc]
+        if action.label:
+            return f"{machine.label}: {machine.t(action.label)}{self._given(order, machine, action.arguments)}"
         said = []
         for each in action.commands:
             view, value = machine.commands[each.command], order.values.get(each.value)
@@ -72,9 +76,12 @@ class SequencePlant:
         return f"{machine.label}: {', '.join(said)}"
 
     def _arguments(self, order: SequenceOrder, machine: EquipmentView, command: str) -> str:
-        """What goes with a code: ` (from 1, to 2)`."""
+        return self._given(order, machine, machine.equipment.type.commands[command].arguments)
+
+    def _given(self, order: SequenceOrder, machine: EquipmentView, arguments: Sequence[Argument]) -> str:
+        """What goes with a code or with the whole: ` (from 1, to 2)`."""
         said = []
-        for one in machine.equipment.type.commands[command].arguments:
+        for one in arguments:
             if one.name in order.values:
                 written = fmt.quantity(order.values[one.name], one.decimals, one.unit, self.equipment.lang)
                 said.append(f"{machine.t(one.label)} {written}")
@@ -103,7 +110,7 @@ class SequencePlant:
         if isinstance(since := given.params.get("since"), int):
             filled["since"] = fmt.clock_time(since, ZoneInfo(plant.timezone if plant else "UTC"))
         label = given.params.get("label")
-        filled["label"] = machine.t(str(label)) if label else machine.label
+        filled["label"] = machine.told(str(label), given.params) if label else machine.label
         return self.equipment.text(given.reason, **filled).rstrip()
 
     @property

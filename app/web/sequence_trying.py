@@ -147,9 +147,11 @@ def _told(request: Request, at: Editing, definition: SequenceDefinition, trial: 
         said.append(view.text(request, "editor.trial.first", name=name(*trial.first_out)))
     if trial.order and trial.step:
         orders = definition.steps[trial.step - 1].orders
-        order = str(orders[trial.order - 1]) if trial.order <= len(orders) else str(trial.order)
+        one = orders[trial.order - 1] if trial.order <= len(orders) else None
+        order = str(one or trial.order)
+        machine, about = at.equipment.other(one.machine) if one else None, str(trial.params.get("label", ""))
         filled = fmt.parameters(trial.params, lang, at.equipment.text)
-        filled["label"] = order
+        filled["label"] = machine.told(about, trial.params) if machine and about else order
         said.append(
             view.text(
                 request, "editor.trial.order", order=order, why=view.text(request, trial.reason, **filled).rstrip()

@@ -3,20 +3,18 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from app.plant import expression
-from app.plant.definitions import Argument, Command, Effect, PlcMap, Type, Write
+from app.plant.definitions import Command, Effect, PlcMap, Type, Write
 from app.plant.said import said
 from app.plant.tables import MISSING, Table, is_number
+from app.plant.type_files.arguments import read_arguments
 from app.plant.type_files.data import PointData
-from app.plant.type_files.names import KEY, NAME_EXPECTED, NUMBER_EXPECTED, ROLES
+from app.plant.type_files.names import ROLES
 from app.plant.type_files.options import Options
 from app.plant.type_files.sentences import Sentences, names_in, read_values
 from app.registers.codec import raw_limits
 
 LEVELS = ("C0", "C1", "C2", "C3", "C4")
 SPECIAL_VALUES = ("argument", "previous")
-ARGUMENT_TYPES = (Type.F32, Type.U32, Type.I32)
-MOST_ARGUMENTS = 4
 ROUNDING = 1e-6
 """How far a number may be from a step of its register, in steps: 0.3 is no multiple of 0.1 to a computer."""
 
@@ -38,7 +36,7 @@ class CommandReader:
     def _command(self, key: str, table: Table) -> Command:
         timeout = self._timeout(table)
         level_when = self._level_when(table)
-        arguments = tuple(self._arguments(table))
+        arguments = tuple(read_arguments(table, self.sentences))
         code, hold_bits = table.whole("code", 0, 1), table.whole("hold_bits", 0, 1)
         command = Command(
             key=key,
@@ -154,37 +152,6 @@ class CommandReader:
                 table.note(given, said("mistake.given"), said("mistake.sent_instead", what=instead, key=f"`{name}`"))
         if command.stop and command.arguments:
             table.note("arguments", [argument.name for argument in command.arguments], said("mistake.none_for_stop"))
-
-    def _arguments(self, table: Table) -> Iterator[Argument]:
-        seen: set[str] = set()
-        for index, row in enumerate(table.rows("arguments")):
-            name = row.text("name", pattern=KEY, expected=NAME_EXPECTED)
-            if index == MOST_ARGUMENTS:
-                row.note("name", name, said("mistake.arguments", most=MOST_ARGUMENTS))
-            if name in seen or name in expression.RESERVED:
-                row.note("name", name, said("mistake.argument_name"))
-            seen.add(name)
-            yield self._argument(name, row)
-
-    def _argument(self, name: str, row: Table) -> Argument:
-        kind = Type(row.text("type", Type.F32.value, choices=[kind.value for kind in ARGUMENT_TYPES]))
-        low, high = (self._limit(row, bound) for bound in ("low", "high"))
-        decimals = row.whole("decimals", 0, 0, 6)
-        if decimals and kind is not Type.F32:
-            row.note("decimals", decimals, said("mistake.for_type", what=0, type=kind))
-        argument = Argument(
-            name, kind, low, high, row.text("unit", ""), decimals, row.text("label", f"argument.{name}")
-        )
-        row.done()
-        return argument
-
-    def _limit(self, row: Table, bound: str) -> str:
-        value = row.raw(bound)
-        if isinstance(value, str):
-            self.sentences.add(row, bound, value)
-        elif value is not None and not is_number(value):
-            row.note(bound, value, NUMBER_EXPECTED)
-        return "" if value is None else str(value)
 
     def _writes(self, table: Table, key: str, *, steps: bool = False) -> Iterator[Write]:
         """`steps`: whether they may depend on what the device says; a Stop and a release wait for nothing."""

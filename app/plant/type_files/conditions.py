@@ -11,15 +11,15 @@ from app.plant.type_files.sentences import Sentences, names_in, read_values
 
 def read_guards(file: Table, sentences: Sentences) -> tuple[list[Condition], list[Condition]]:
     """`[permissives.…]` and `[interlocks.…]`."""
-    permissives = [_condition("permissive", key, table, sentences) for key, table in file.tables("permissives")]
-    interlocks = [_condition("interlock", key, table, sentences) for key, table in file.tables("interlocks")]
+    permissives = [read_condition("permissive", key, table, sentences) for key, table in file.tables("permissives")]
+    interlocks = [read_condition("interlock", key, table, sentences) for key, table in file.tables("interlocks")]
     file.done()
     return permissives, interlocks
 
 
 def read_checks(file: Table, sentences: Sentences, setpoints: Collection[str]) -> list[Condition]:
     """Sentences over values of which at least one is a setpoint."""
-    checks = [_condition("check", key, table, sentences) for key, table in file.tables()]
+    checks = [read_condition("check", key, table, sentences) for key, table in file.tables()]
     for check in checks:
         points = names_in(check.expression)
         if points is not None and points.isdisjoint(setpoints):
@@ -31,7 +31,7 @@ def read_checks(file: Table, sentences: Sentences, setpoints: Collection[str]) -
 
 def read_ratings(file: Table, sentences: Sentences) -> list[Condition]:
     """ratings.toml: what a device says of itself, against the options of the plant file."""
-    return [_condition("rating", key, table, sentences) for key, table in file.tables()]
+    return [read_condition("rating", key, table, sentences) for key, table in file.tables()]
 
 
 def check_commands(
@@ -52,7 +52,8 @@ def _commands(table: Table) -> Iterator[str]:
             table.note(f"commands.{index}", command, said("mistake.text"))
 
 
-def _condition(group: str, key: str, table: Table, sentences: Sentences) -> Condition:
+def read_condition(group: str, key: str, table: Table, sentences: Sentences) -> Condition:
+    """One sentence with its texts, `<group>.<key>` and `missing.<group>.<key>`."""
     condition = Condition(
         key=key,
         label=table.text("label", f"{group}.{key}"),
@@ -63,6 +64,6 @@ def _condition(group: str, key: str, table: Table, sentences: Sentences) -> Cond
         situational=table.flag("situational"),
     )
     if condition.expression:
-        sentences.add(table, "expression", condition.expression, argument=group != "check")
+        sentences.add(table, "expression", condition.expression, argument=group not in ("check", "need"))
     table.done()
     return condition

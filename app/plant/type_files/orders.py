@@ -1,12 +1,14 @@
 """device.toml, `[actions.orders]`: what a sequence may have any machine of this type do through the gate."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from app.plant.actions import Action, ActionCommand
-from app.plant.definitions import Command
+from app.plant.definitions import Argument, Command, Condition
 from app.plant.said import said
-from app.plant.tables import MISSING, Table, one_of
+from app.plant.tables import MISSING, Table, is_number, one_of
+from app.plant.type_files.arguments import read_arguments
+from app.plant.type_files.conditions import read_condition
 from app.plant.type_files.names import KEY, NAME_EXPECTED
 from app.plant.type_files.sentences import Sentences
 
@@ -18,20 +20,53 @@ def read_orders(table: Table, commands: Mapping[str, Command], sentences: Senten
 
 def _action(name: str, row: Table, known: Mapping[str, Command], sentences: Sentences) -> Action:
     commands = tuple(_commands(name, row, known))
-    done, failed, stands = (row.text(key, "") for key in ("done", "failed", "stands"))
-    for key, text in (("done", done), ("failed", failed), ("stands", stands)):
+    arguments = tuple(_arguments(row, commands, sentences))
+    given = [one.name for one in arguments]
+    said_of = {key: row.text(key, "") for key in ("done", "failed", "stands", "armed")}
+    for key, text in said_of.items():
         if text:
-            sentences.add(row, key, text)
+            sentences.add(row, key, text, given=given)
     plain = [key for key, command in known.items() if _may(command) and not (command.argument or command.arguments)]
-    ways = [row.text(key, "", choices=plain) if row.has(key) else "" for key in ("suspend", "resume", "stop")]
-    if failed and not done:
-        row.note("done", MISSING, said("mistake.done"))
+    ways = [row.text(key, "", choices=plain) if row.has(key) else "" for key in ("suspend", "resume", "stop", "then")]
+    if not said_of["done"]:
+        for key in ("armed", "then"):
+            if row.has(key):
+                row.note("done", MISSING, said("mistake.needs_done", key=key))
+        if said_of["failed"]:
+            row.note("done", MISSING, said("mistake.done"))
     if bool(ways[0]) != bool(ways[1]):
         row.note(
             "resume" if ways[0] else "suspend", MISSING, said("mistake.both_or_none", first="suspend", second="resume")
         )
+    needs = tuple(_needs(row, sentences))
+    label = row.text("label", "")
     row.done()
-    return Action(name, commands, done, failed, suspend=ways[0], resume=ways[1], stands=stands, stop=ways[2])
+    return Action(
+        name, commands, said_of["done"], said_of["failed"], suspend=ways[0], resume=ways[1], stands=said_of["stands"],
+        stop=ways[2], then=ways[3], armed=said_of["armed"], arguments=arguments, needs=needs, label=label,
+    )  # fmt: skip
+
+
+def _arguments(row: Table, commands: Sequence[ActionCommand], sentences: Sentences) -> Iterator[Argument]:
+    """Values for the sentences of the action itself: a step is held against their limits when it is read, so these are numbers."""
+    taken = {name for each in commands for name in (each.value, *each.arguments)}
+    for index, one in enumerate(read_arguments(row, sentences)):
+        if one.name in taken:
+            row.note(f"arguments.{index}.name", one.name, said("mistake.argument_name"))
+        for bound in ("low", "high"):
+            if not is_number(given := row.data["arguments"][index].get(bound)):
+                row.note(f"arguments.{index}.{bound}", MISSING if given is None else given, said("mistake.number"))
+        yield one
+
+
+def _needs(row: Table, sentences: Sentences) -> Iterator[Condition]:
+    for key, table in row.tables("needs"):
+        if not re.fullmatch(KEY, key):
+            table.note("", key, NAME_EXPECTED)
+        need = read_condition("need", key, table, sentences)
+        if need.commands:
+            table.note("commands", ", ".join(need.commands), said("mistake.no_commands"))
+        yield need
 
 
 def _commands(name: str, row: Table, known: Mapping[str, Command]) -> Iterator[ActionCommand]:

@@ -4,6 +4,7 @@ from collections.abc import Collection
 
 from app.errors import ConfigurationError
 from app.plant import expression
+from app.plant.actions import BEFORE
 from app.plant.said import said
 from app.plant.tables import Table
 
@@ -12,28 +13,40 @@ class Sentences:
     """Every expression over points that the files of one type hold, and where it stands."""
 
     def __init__(self) -> None:
-        self._found: list[tuple[Table, str, str, bool]] = []
+        self._found: list[tuple[Table, str, str, bool, Collection[str] | None]] = []
 
-    def add(self, table: Table, key: str, text: str, *, argument: bool = False) -> None:
-        """Remember the expression at `key`; `argument`: whether it may say `argument`."""
-        self._found.append((table, key, text, argument))
+    def add(
+        self, table: Table, key: str, text: str, *, argument: bool = False, given: Collection[str] | None = None
+    ) -> None:
+        """Remember the expression at `key`; `argument`: whether it may say `argument`; `given`: values of an action that it may name, too,
+        beside what points said before that (`before.speed`)."""
+        self._found.append((table, key, text, argument, given))
 
     def check(self, points: Collection[str], owner: str) -> None:
         """Note every one that is no sentence, or that reads what `owner` has not among its `points`."""
-        for table, key, text, argument in self._found:
-            check_expression(table, key, text, points, owner, argument=argument)
+        for table, key, text, argument, given in self._found:
+            check_expression(table, key, text, points, owner, argument=argument, given=given)
 
 
 def check_expression(
-    table: Table, key: str, text: str, points: Collection[str], owner: str, *, argument: bool = False
+    table: Table,
+    key: str,
+    text: str,
+    points: Collection[str],
+    owner: str,
+    *,
+    argument: bool = False,
+    given: Collection[str] | None = None,
 ) -> None:
     """Note a problem when `text` is no sentence of the grammar or reads what `owner` has not."""
     try:
-        parsed = expression.parse(text)
+        parsed = expression.parse(text, machines=given is not None)
     except ConfigurationError as error:
         table.note(key, text, error.args[0])
         return
-    for name in sorted(parsed.names - set(points)):
+    for name in sorted(parsed.names - set(given or ())):
+        if (name.removeprefix(BEFORE) if given is not None else name) in points:
+            continue
         table.note(key, text, said("mistake.points_of_type", owner=owner, point=name))
     if parsed.needs_argument and not argument:
         table.note(key, text, said("mistake.no_argument"))

@@ -13,7 +13,7 @@ from app.commands.orders import LONGEST_REASON
 from app.commands.value_set import MOST
 from app.errors import Refused
 from app.plant.definitions import Equipment
-from app.plant.type_files.commands import MOST_ARGUMENTS
+from app.plant.type_files.arguments import MOST_ARGUMENTS
 from app.web.api.lookup import gate_of, item_of, runtime_of
 from app.web.guard import address_of, allow, person_of, shown_name
 from app.web.language import language_of
