@@ -8,6 +8,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from app.links.conformance.finding import Finding
     from app.links.conformance.server import Exchange
     from app.links.tcp import TcpTransport
+    from app.plant.problems import Problem
     from app.plant.texts import Texts
     from app.plant.type_files.data import TypeData
 
@@ -28,6 +30,10 @@ PAGE = "docs/registers/{}.md"
 def conform(
     tcp: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where the PLC answers Modbus TCP.")],
     kind: Annotated[str, typer.Option("--type", metavar="TYPE", help="Equipment type whose map it serves.")],
+    plant: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Plant folder whose own types, equipment/TYPE, are known, too."),
+    ] = None,
     unit: Annotated[int, typer.Option(min=0, max=255, help="Unit.")] = 1,
     write: Annotated[
         bool,
@@ -50,6 +56,7 @@ def conform(
 ) -> None:
     """Tell a PLC programmer which rules of the register map his server keeps, and which it breaks: what was seen, what was expected, and
     where it is documented. Only reads, unless --write."""
+    from app.plant import types
     from app.plant.texts import Texts, terminal_language
 
     try:
@@ -59,15 +66,16 @@ def conform(
         if lang not in texts.languages:
             raise ConfigurationError(f"--language {lang}: expected one of {', '.join(texts.languages)}")
         given = _given(option or ())
-        data = _type(kind, given)
+        data = _type(kind, given, _Types(plant, texts.languages))
         found = asyncio.run(_examine(host, port, unit, patience / 1000, data, write=write))
     except (ConfigurationError, NotConnected) as error:
         for line in str(error).splitlines():
             typer.echo(f"pogon: {line}", err=True)
         raise typer.Exit(2) from error
     states = Counter(finding.state.value for finding in found)
+    page = PAGE.format(kind) if data.type.folder.parent == types.EQUIPMENT else f"{types.OWN}/{kind}"
     if json_:
-        rules = [_record(finding, kind, texts.text(lang, f"conform.rule.{finding.rule}")) for finding in found]
+        rules = [_record(finding, page, texts.text(lang, f"conform.rule.{finding.rule}")) for finding in found]
         document = {
             "ok": not states["broken"],
             "server": tcp,
@@ -80,33 +88,32 @@ def conform(
         typer.echo(json.dumps(document, ensure_ascii=False, indent=1))
     else:
         for finding in found:
-            typer.echo(_line(finding, kind, texts, lang))
+            typer.echo(_line(finding, page, texts, lang))
         said = {name: states[name] for name in ("kept", "broken", "skipped")}
         typer.echo(texts.text(lang, "conform.summary", **said))
     if states["broken"]:
         raise typer.Exit(1)
 
 
-def _line(finding: "Finding", kind: str, texts: "Texts", lang: str) -> str:
+def _line(finding: "Finding", page: str, texts: "Texts", lang: str) -> str:
     state = texts.text(lang, f"conform.state.{finding.state.value}")
     line = f"{state}: {finding.rule}: {texts.text(lang, f'conform.rule.{finding.rule}')}"
     if finding.state == "broken":
-        told = {"seen": finding.seen, "expected": finding.expected, "where": _where(finding, kind)}
+        told = {"seen": finding.seen, "expected": finding.expected, "where": _where(finding, page)}
         return f"{line}\n    {texts.text(lang, 'conform.seen', **told)}"
     if finding.state == "skipped":
         return f"{line} ({texts.text(lang, f'conform.why.{finding.why}', rule=finding.needs)})"
     return line
 
 
-def _record(finding: "Finding", kind: str, text: str) -> dict[str, str]:
-    told = {"rule": finding.rule, "state": finding.state.value, "text": text, "documented": _where(finding, kind)}
+def _record(finding: "Finding", page: str, text: str) -> dict[str, str]:
+    told = {"rule": finding.rule, "state": finding.state.value, "text": text, "documented": _where(finding, page)}
     told |= {"seen": finding.seen, "expected": finding.expected} if finding.state == "broken" else {}
     told |= {"why": finding.why} if finding.why else {}
     return told | ({"needs": finding.needs} if finding.needs else {})
 
 
-def _where(finding: "Finding", kind: str) -> str:
-    page = PAGE.format(kind)
+def _where(finding: "Finding", page: str) -> str:
     return f"{page}: {finding.section}" if finding.section else page
 
 
@@ -150,12 +157,36 @@ def _given(options: Sequence[str]) -> dict[str, float]:
     return given
 
 
-def _type(name: str, given: Mapping[str, float]) -> "TypeData":
-    from app.plant import types
+class _Types:
+    """The types that are known: ours, and those of a plant folder."""
 
+    def __init__(self, plant: Path | None, languages: Sequence[str]) -> None:
+        """Raises:
+        ConfigurationError: the folder brings no type.
+        """
+        from app.plant import types
+
+        self._plant, self._languages = plant, languages
+        self._own = types.names(plant / types.OWN) if plant else []
+        if plant and not self._own:
+            raise ConfigurationError(f"--plant {plant}: expected a plant folder with {types.OWN}/<type>/device.toml")
+        self.names = sorted({*types.names(), *self._own})
+
+    def read(self, name: str, given: Mapping[str, float]) -> "tuple[TypeData, list[Problem]]":
+        """A type with as many of everything as `given` says, and what is wrong with it."""
+        from app.plant import types
+
+        if self._plant is None or name not in self._own or name in types.names():
+            return types.read_type(name, ["en"], given=given)
+        return types.read_own_type(name, self._languages, self._plant, spoken=self._languages, given=given)
+
+
+def _type(name: str, given: Mapping[str, float], known_types: _Types) -> "TypeData":
     found = {}
-    for each in types.names():
-        data, problems = types.read_type(each, ["en"])
+    for each in known_types.names:
+        data, problems = known_types.read(each, {})
+        if problems and each == name:
+            raise ConfigurationError("\n".join(map(str, problems)))
         if not problems and data.type.device.plc:
             found[each] = data
     if name not in found:
@@ -172,7 +203,7 @@ def _type(name: str, given: Mapping[str, float]) -> "TypeData":
             raise ConfigurationError(f"--option {option}={value:g}: expected a whole number from {low:g} to {high:g}")
     if not given:
         return usual
-    data, problems = types.read_type(name, ["en"], given=given)
+    data, problems = known_types.read(name, given)
     if problems:
         raise ConfigurationError("\n".join(map(str, problems)))
     return data

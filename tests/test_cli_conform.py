@@ -1,10 +1,13 @@
 """pogon conform from the terminal, over a socket."""
 
 import json
+import shutil
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
+from app.plant import types
 from app.plant.texts import Texts
 from app.sim.bus import Bus
 from app.sim.server import serve_tcp
@@ -55,6 +58,25 @@ async def test_a_device_that_is_no_plc_has_no_header() -> None:
     await served.close()
     code, _, errors = await pogon("conform", "--tcp", "{}:{}".format(*served.address), "--type", "crane")
     assert code == 2 and "no connection" in errors
+
+
+async def test_a_type_of_a_plant_folder_is_examined_as_ours_are(tmp_path: Path) -> None:
+    shutil.copytree(types.EQUIPMENT / "conveyor", tmp_path / "equipment" / "line2")
+    bus = simulation().buses["line"]
+    served = await serve_tcp(bus, "127.0.0.1", 0)
+    asked = ("conform", "--tcp", "{}:{}".format(*served.address), "--unit", "11", "--plant", str(tmp_path), "--json")
+    code, output, errors = await pogon(*asked, "--type", "line2")
+    rules = {rule["rule"]: rule for rule in json.loads(output)["rules"]}
+    assert code == 1 and rules["magic"]["state"] == "kept" and rules["type_code"]["state"] == "kept", errors
+    assert rules["heartbeat"]["documented"].startswith("equipment/line2")
+    assert json.loads((await pogon(*asked, "--type", "conveyor"))[1])["type"] == "conveyor"
+    await served.close()
+    head = tmp_path / "equipment" / "line2" / "device.toml"
+    head.write_text(head.read_text("utf-8").replace("type_code = 10", "type_kode = 10"), "utf-8")
+    code, _, errors = await pogon(*asked, "--type", "line2")
+    assert code == 2 and "equipment/line2/device.toml" in errors and "type_kode" in errors
+    code, _, errors = await pogon(*asked[:-3], "--plant", str(tmp_path / "none"), "--type", "line2")
+    assert code == 2 and "none: expected a plant folder with equipment/<type>/device.toml" in errors
 
 
 @pytest.mark.parametrize(
