@@ -56,6 +56,7 @@ class Source:
         self, path: Path, name: str, *, optional: bool = False, inside: Path | None = None, draft: str | None = None
     ) -> None:
         self.name = name
+        self.path = path
         self.problems: list[Problem] = []
         self.data: dict[str, Any] = {}
         self.written: Mapping[tuple[str, ...], str] = {}

@@ -41,7 +41,7 @@ from types import MappingProxyType
 from app import bundled
 from app.errors import ConfigurationError
 from app.plant import drive_parameters, plc, record_kinds, register_parameters
-from app.plant.definitions import EquipmentType
+from app.plant.definitions import EquipmentType, Kind
 from app.plant.problems import Problem
 from app.plant.said import said
 from app.plant.services import read_services
@@ -109,12 +109,36 @@ def read_own_type(
         asked = (key for key in sorted(set(text_keys(data)) - known) if f"{key}.other" not in known)
         file = f"{OWN}/{name}/texts.{spoken[0]}.toml"
         problems = [Problem(file, key, MISSING, said("mistake.a_text")) for key in asked]
+        problems += _unfilled(data.type)
     return data, problems
+
+
+def _unfilled(kind: EquipmentType) -> Iterator[Problem]:
+    """Texts that name a number which nobody gives: an operator would read `{speed}`."""
+    needs = (need for action in kind.orders.values() for need in action.needs)
+    guards = (*kind.permissives, *kind.interlocks, *needs)
+    effects = [effect for command in kind.commands.values() for effect in command.effects]
+    given = {one.missing: one.values for one in guards} | {one.text: one.values for one in effects}
+    for language, texts in kind.texts.items():
+        for key, values in given.items():
+            text = texts.get(key, "")
+            for name in re.findall(r"\{(\w+)\}", text):
+                if name not in values and name != "name":
+                    expected = said("mistake.filled", name=name, known=", ".join(values) or said("mistake.none"))
+                    yield Problem(f"{OWN}/{kind.name}/texts.{language}.toml", key, f'"{text}"', expected)
 
 
 def _read_files(files: "_Files", languages: Sequence[str], spoken: Sequence[str]) -> tuple[TypeData, list[Problem]]:
     data = _read(files, languages, spoken)
-    return data, [problem for source in files.sources for problem in source.problems]
+    return data, [*_strange(files), *(problem for source in files.sources for problem in source.problems)]
+
+
+def _strange(files: "_Files") -> Iterator[Problem]:
+    """Files that nobody reads: what is written in `alarm.toml` would never come."""
+    known = {source.path.name for source in files.sources}
+    for path in sorted(files.folder.glob("*.toml")):
+        if path.name not in known and not re.fullmatch(r"texts\.[a-z]{2,3}\.toml", path.name):
+            yield Problem(f"{files.shown}/{path.name}", "(file)", path.name, one_of(sorted(known), path.name))
 
 
 class _Files:
@@ -125,6 +149,8 @@ class _Files:
     ) -> None:
         self.folder = folder
         self.name = name
+        self.shown = f"{OWN}/{name}" if own else name
+        """How the folder is named where a mistake in it is told."""
         self.own = own
         """It lies in a plant folder, `equipment/<name>`."""
         self.sources: list[Source] = []
@@ -134,9 +160,7 @@ class _Files:
 
     def open(self, name: str, *, optional: bool = True) -> Table:
         """The file `name` as a table; only one that is not `optional` must be there."""
-        shown, inside = f"{self.name}/{name}", None
-        if self.own:
-            shown, inside = f"{OWN}/{shown}", self.folder.parent.parent
+        shown, inside = f"{self.shown}/{name}", self.folder.parent.parent if self.own else None
         source = Source(self.folder / name, shown, optional=optional, inside=inside)
         self.sources.append(source)
         if name == "device.toml" and "repeats" in source.data:
@@ -245,12 +269,14 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         }
         for language in languages
     }
-    sentences.check(points.found, name)
+    registers_of = {key: data.point.register for key, data in points.found.items()}
+    unread = [key for key, one in registers_of.items() if one and not one.readable]
+    kinds_of = {key: data.point.kind for key, data in points.found.items()}
+    sentences.check(points.found, name, unread, [key for key, kind in kinds_of.items() if kind is Kind.TEXT])
     check_registers(points.found.values(), files.sources)
     check_telegrams(points.found.values(), device, files.sources)
     if device.plc:
-        registers = {key: data.point.register for key, data in points.found.items()}
-        plc.check_points(head, device.plc, registers, tuple(events))
+        plc.check_points(head, device.plc, registers_of, tuple(events))
     kind = EquipmentType(
         name=name,
         folder=files.folder,

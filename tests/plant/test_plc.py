@@ -211,7 +211,9 @@ def test_more_than_four_arguments_do_not_fit(tmp_path: Path) -> None:
 def test_a_drive_has_none_of_it(tmp_path: Path, file: str, keys: Sequence[str]) -> None:
     device = FILES["device.toml"]
     start, end = device.index("[plc]"), device.index("[options.slots]")
-    changed: dict[str, str | None] = {name: None for name in ("tables", "commands", "alarms", "events") if name != file}
+    changed: dict[str, str | None] = {
+        name: None for name in ("tables", "commands", "alarms", "events", "setpoints") if name != file
+    }
     changed["device"] = device[:start] + device[end:]
     _, problems = load(tmp_path, PLANT, **changed)
     assert [found.key for found in problems] == keys

@@ -3,14 +3,14 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from app.plant.definitions import Command, Effect, PlcMap, Type, Write
+from app.plant.definitions import Command, Effect, Kind, PlcMap, Type, Write
 from app.plant.said import said
 from app.plant.tables import MISSING, Table, is_number
 from app.plant.type_files.arguments import read_arguments
 from app.plant.type_files.data import PointData
 from app.plant.type_files.names import ROLES
 from app.plant.type_files.options import Options
-from app.plant.type_files.sentences import Sentences, names_in, read_values
+from app.plant.type_files.sentences import Sentences, names_in, needs_argument, read_values
 from app.registers.codec import raw_limits
 
 LEVELS = ("C0", "C1", "C2", "C3", "C4")
@@ -31,7 +31,13 @@ class CommandReader:
 
     def read(self, file: Table) -> dict[str, Command]:
         """Each table of `file` is a command."""
-        return {key: self._command(key, table) for key, table in file.tables()}
+        found = dict[str, Command]()
+        for key, table in file.tables():
+            found[key] = command = self._command(key, table)
+            first = next((other for other in found if found[other].stop), key)
+            if command.stop and first != key:
+                table.note("stop", "true", said("mistake.one_stop", first=first))
+        return found
 
     def _command(self, key: str, table: Table) -> Command:
         timeout = self._timeout(table)
@@ -125,14 +131,44 @@ class CommandReader:
             table.note(
                 "arguments", [argument.name for argument in command.arguments], said("mistake.with_code", key="`code`")
             )
+        if command.stop:
+            self._check_stop(table, command)
+        self._check_argument(table, command)
         if command.needs_reason and (command.hold or command.stop):
             table.note("needs_reason", "true", said("mistake.no_why"))
         if command.argument and command.argument not in self.points:
             table.note("argument", command.argument, said("mistake.point_of_type", owner=self.owner, near=""))
 
+    def _check_stop(self, table: Table, command: Command) -> None:
+        """A Stop is a click of any operator."""
+        for key, value in (
+            ("hold", command.hold),
+            ("argument", command.argument),
+            ("role", command.role != "operator"),
+        ):
+            if value:
+                table.note(key, table.raw(key), said("mistake.plain_stop", key=key))
+
+    def _check_argument(self, table: Table, command: Command) -> None:
+        """A value that is entered is written, and what is written or compared with is entered."""
+        if command.code or command.hold_bits:
+            return
+        written = [write.value for write in (*command.writes, *command.release)]
+        used, previous = (
+            "argument" in written,
+            "previous" in written,
+        )  # what stood before is the argument of its feedback
+        if command.argument and not used:
+            table.note("argument", command.argument, said("mistake.argument_written"))
+        elif not command.argument and (used or (needs_argument(command.feedback) and not previous)):
+            table.note("argument", MISSING, said("mistake.argument_point", keys="`writes`, `feedback`"))
+
     def _check_is_read(self, table: Table, feedback: str) -> None:
         """What is only written never confirms anything."""
-        for name in sorted(names_in(feedback) or ()):
+        names = names_in(feedback)
+        if names is not None and not names:
+            table.note("feedback", feedback, said("mistake.over_point"))
+        for name in sorted(names or ()):
             register = self.points[name].point.register if name in self.points else None
             if register is not None and not register.readable:
                 table.note("feedback", feedback, said("mistake.read_point", point=name))
@@ -162,7 +198,7 @@ class CommandReader:
                     self.sentences.add(row, name, sentence)
             within = float(row.number("within", 2.0, 0.1, 60)) if after else 2.0
             point, value = row.text("point"), row.raw("value")
-            if point and not self._is_writable(point):
+            if point and (not self._is_writable(point) or self.points[point].point.kind is Kind.TEXT):
                 row.note("point", point, said("mistake.writable_point", owner=self.owner))
             option = value.removeprefix("option:") if isinstance(value, str) and value.startswith("option:") else None
             if option is not None and option not in self.options.values:

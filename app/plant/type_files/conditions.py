@@ -1,9 +1,9 @@
 """interlocks.toml, checks.toml and ratings.toml: what must be true to start, what stops at any time, what must hold between setpoints, what
 a device says of itself."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 
-from app.plant.definitions import Condition
+from app.plant.definitions import Command, Condition
 from app.plant.said import said
 from app.plant.tables import Table
 from app.plant.type_files.sentences import Sentences, names_in, read_values
@@ -35,13 +35,15 @@ def read_ratings(file: Table, sentences: Sentences) -> list[Condition]:
 
 
 def check_commands(
-    file: Table, group: str, conditions: Collection[Condition], commands: Collection[str], owner: str
+    file: Table, group: str, conditions: Collection[Condition], commands: Mapping[str, Command], owner: str
 ) -> None:
     """What a condition guards must be a command of the type."""
     for condition in conditions:
         for command in condition.commands:
             if command not in commands:
                 file.note(f"{group}.{condition.key}.commands", command, said("mistake.command_of_type", owner=owner))
+            elif commands[command].stop:
+                file.note(f"{group}.{condition.key}.commands", command, said("mistake.stop_is_free"))
 
 
 def _commands(table: Table) -> Iterator[str]:

@@ -10,6 +10,9 @@ from app.plant.tables import Table, one_of
 from app.plant.type_files.names import KEY, NAME_EXPECTED
 from app.plant.type_files.options import read_span
 
+COILS = (1, 2, 5, 15)
+"""Functions for single bits."""
+
 
 def read_device(table: Table) -> Device:
     """`[device]`: how much one telegram carries, which functions it knows, how long it takes [s]."""
@@ -86,7 +89,10 @@ def _functions(table: Table, key: str, known: Sequence[int], usual: Sequence[int
         if isinstance(item, int) and not isinstance(item, bool) and item in known:
             yield item
         else:
-            table.note(f"{key}.{index}", item, one_of([str(function) for function in known]))
+            coils = isinstance(item, int) and item in COILS
+            numbers = ", ".join(str(function) for function in known)
+            expected = said("mistake.no_coils", known=numbers) if coils else one_of([str(one) for one in known])
+            table.note(f"{key}.{index}", item, expected)
             yield from known  # what was meant is not known, so that no register is blamed
 
 

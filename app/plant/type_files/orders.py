@@ -10,7 +10,7 @@ from app.plant.tables import MISSING, Table, is_number, one_of
 from app.plant.type_files.arguments import read_arguments
 from app.plant.type_files.conditions import read_condition
 from app.plant.type_files.names import KEY, NAME_EXPECTED
-from app.plant.type_files.sentences import Sentences
+from app.plant.type_files.sentences import Sentences, names_in
 
 
 def read_orders(table: Table, commands: Mapping[str, Command], sentences: Sentences) -> dict[str, Action]:
@@ -29,11 +29,23 @@ def _action(name: str, row: Table, known: Mapping[str, Command], sentences: Sent
     plain = [key for key, command in known.items() if _may(command) and not (command.argument or command.arguments)]
     ways = [row.text(key, "", choices=plain) if row.has(key) else "" for key in ("suspend", "resume", "stop", "then")]
     if not said_of["done"]:
-        for key in ("armed", "then"):
+        for key in ("armed", "then", "suspend", "stands"):
             if row.has(key):
                 row.note("done", MISSING, said("mistake.needs_done", key=key))
         if said_of["failed"]:
             row.note("done", MISSING, said("mistake.done"))
+    for key in ("done", "failed", "armed", "stands"):
+        names = names_in(said_of[key], machines=True) if said_of[key] else None
+        if names is not None and not names - set(given):
+            row.note(key, said_of[key], said("mistake.over_point"))
+    if said_of["failed"] and said_of["failed"] == said_of["done"]:
+        row.note("failed", said_of["failed"], said("mistake.another_sentence"))
+    read = {name for text in said_of.values() for name in (names_in(text, machines=True) if text else None) or ()}
+    for index, one in enumerate(arguments):
+        if one.name not in read:
+            row.note(f"arguments.{index}.name", one.name, said("mistake.argument_read"))
+    if said_of["stands"] and not ways[0]:
+        row.note("suspend", MISSING, said("mistake.both_or_none", first="stands", second="suspend"))
     if bool(ways[0]) != bool(ways[1]):
         row.note(
             "resume" if ways[0] else "suspend", MISSING, said("mistake.both_or_none", first="suspend", second="resume")
@@ -56,6 +68,9 @@ def _arguments(row: Table, commands: Sequence[ActionCommand], sentences: Sentenc
         for bound in ("low", "high"):
             if not is_number(given := row.data["arguments"][index].get(bound)):
                 row.note(f"arguments.{index}.{bound}", MISSING if given is None else given, said("mistake.number"))
+        low, high = (row.data["arguments"][index].get(bound) for bound in ("low", "high"))
+        if is_number(low) and is_number(high) and low > high:
+            row.note(f"arguments.{index}.low", low, said("mistake.pair", pair="low, high", order="low <= high"))
         yield one
 
 

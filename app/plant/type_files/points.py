@@ -1,5 +1,6 @@
 """points.toml: the values of a type; setpoints and cells of tables are points too, and are built here."""
 
+import math
 import re
 from dataclasses import replace
 from typing import Any
@@ -8,12 +9,13 @@ from app.plant import expression
 from app.plant.definitions import Derived, Kind, Point, Register, Scan, TableMap, Type
 from app.plant.derive import KINDS, TIME_UNIT
 from app.plant.said import said
-from app.plant.tables import NONE, Table, is_number
+from app.plant.tables import MISSING, NONE, Table, is_number, span
 from app.plant.type_files.data import PointData
 from app.plant.type_files.names import KEY
 from app.plant.type_files.options import Options
 from app.plant.type_files.registers import read_register
 from app.plant.type_files.sentences import Sentences
+from app.registers.codec import raw_limits
 from app.registers.plc_map import TABLE_HEAD
 
 
@@ -107,6 +109,11 @@ class Points:
         name = key.rpartition(".")[2]
         if not re.fullmatch(KEY, name) or key in expression.RESERVED:  # a column may be called age: its cells are not
             table.note("", name, said("mistake.key_no_word"))
+        if register is not None and derived is not None:
+            table.note(
+                "derived", said("mistake.given"), said("mistake.either_lies", first="`address`", second="`derived`")
+            )
+        _check_kind(table, point, takes_texts=given.get("kind") == Kind.ENUM, bounded="low" in given)
         if register is None and derived is None:
             table.note("", NONE, said("mistake.point_lies", first="`address`", second="`part_of`", third="`derived`"))
         return PointData(point, bounds, part=table.has("part_of"))
@@ -120,12 +127,10 @@ class Points:
         if whole is None or whole.mask is not None or whole.type is not Type.U16 or not whole.readable:
             table.note("part_of", of, said("mistake.part_of"))
             return None
-        return Register(
-            whole.address,
-            table=whole.table,
-            mask=table.whole("mask", 1, 1, 0xFFFF),
-            shift=table.whole("shift", 0, 0, 15),
-        )
+        mask, shift = table.whole("mask", 1, 1, 0xFFFF), table.whole("shift", 0, 0, 15)
+        if mask << shift > 0xFFFF:
+            table.note("mask" if table.has("mask") else "shift", mask, said("mistake.bits_of", bits=16, type=Type.U16))
+        return Register(whole.address, table=whole.table, mask=mask, shift=shift)
 
     def _derived(self, table: Table) -> Derived:
         kind = table.text("kind", choices=KINDS)
@@ -163,6 +168,31 @@ class Points:
         return None if given is None else float(given)
 
 
+def _check_kind(table: Table, point: Point, *, takes_texts: bool, bounded: bool) -> None:
+    """What a point says of itself and cannot be. `takes_texts`: another key of its row has its texts; `bounded`: its limits are checked."""
+    register = point.register
+    if point.kind is Kind.ENUM and not point.texts and not takes_texts and "texts" not in table.data:
+        table.note("texts", MISSING, said("mistake.enum_texts"))
+    if register is not None and (register.type is Type.STRING) != (point.kind is Kind.TEXT):
+        table.note("kind", point.kind, said("mistake.text_string", kind=Kind.TEXT, type=Type.STRING))
+    if register is not None and not (register.readable or register.writable):
+        table.note("readable", "false", said("mistake.read_or_written"))
+    if register is not None and register.type not in (Type.F32, Type.STRING) and register.scale == 1:
+        least, most = raw_limits(register)
+        for value in point.texts:
+            if not least <= value - register.offset <= most:
+                ends = {"low": f"{least + register.offset:g}", "high": f"{most + register.offset:g}"}
+                table.note(f"texts.{value}", value, said("mistake.text_never", **ends))
+    limits = () if bounded else ((point.low, point.high, True),)
+    for low, high, equal in (*limits, (point.scale_low, point.scale_high, False)):
+        if low is not None and high is not None and (low > high or (low == high and not equal)):
+            name = "low" if equal else "scale_low"
+            order = f"{name} {'<=' if equal else '<'} {name.replace('low', 'high')}"
+            table.note(name, low, said("mistake.pair", pair=f"{name}, {name.replace('low', 'high')}", order=order))
+    if point.dead_band < 0:
+        table.note("dead_band", point.dead_band, span("number", 0, math.inf))
+
+
 def _needed(what: str, needed: bool, kind: str) -> str:
     return said("mistake.for_type", what=said(f"mistake.{what if needed else 'nothing'}"), type=kind)
 
@@ -173,6 +203,9 @@ def read_choices(table: Table, key: str, name: str) -> dict[int, str]:
     if given is None:
         return {}
     if isinstance(given, list) and all(isinstance(item, int) and not isinstance(item, bool) for item in given):
+        twice = next((item for index, item in enumerate(given) if item in given[:index]), None)
+        if twice is not None:
+            table.note(name, twice, said("mistake.value_once"))
         return {item: f"choice.{key}.{item}" for item in given}
     if isinstance(given, dict) and all(
         re.fullmatch(r"\d+", item) and isinstance(text, str) for item, text in given.items()

@@ -1,5 +1,6 @@
 """Expressions in the files of a type: they may name points that are read later, so they are checked when all are known."""
 
+import re
 from collections.abc import Collection
 
 from app.errors import ConfigurationError
@@ -7,6 +8,9 @@ from app.plant import expression
 from app.plant.actions import BEFORE
 from app.plant.said import said
 from app.plant.tables import Table
+
+_OF_QUALITY = re.compile(r"\b(?:good|bad|age)\s*\([^)]*\)")
+"""What a sentence may ask of a text, too."""
 
 
 class Sentences:
@@ -22,10 +26,17 @@ class Sentences:
         beside what points said before that (`before.speed`)."""
         self._found.append((table, key, text, argument, given))
 
-    def check(self, points: Collection[str], owner: str) -> None:
-        """Note every one that is no sentence, or that reads what `owner` has not among its `points`."""
+    def check(
+        self, points: Collection[str], owner: str, unread: Collection[str] = (), texts: Collection[str] = ()
+    ) -> None:
+        """Note every one that is no sentence, or that reads what `owner` has not among its `points`, what is only written (`unread`), or a
+        number of what is a text (`texts`)."""
         for table, key, text, argument, given in self._found:
             check_expression(table, key, text, points, owner, argument=argument, given=given)
+            for name in sorted((names_in(text) or frozenset()) & set(unread)) if key != "feedback" else ():
+                table.note(key, text, said("mistake.read_point", point=name))
+            for name in sorted((names_in(_OF_QUALITY.sub("0", text)) or frozenset()) & set(texts)):
+                table.note(key, text, said("mistake.point_is_text", point=name))
 
 
 def check_expression(
@@ -62,9 +73,17 @@ def read_values(table: Table, sentences: Sentences) -> dict[str, str]:
     return values
 
 
-def names_in(text: str) -> frozenset[str] | None:
+def names_in(text: str, *, machines: bool = False) -> frozenset[str] | None:
     """What a sentence reads; None when it is none, which `check` tells."""
     try:
-        return expression.parse(text).names
+        return expression.parse(text, machines=machines).names
     except ConfigurationError:
         return None
+
+
+def needs_argument(text: str) -> bool:
+    """Whether a sentence says `argument`; False when it is none, which `check` tells."""
+    try:
+        return bool(text) and expression.parse(text).needs_argument
+    except ConfigurationError:
+        return False

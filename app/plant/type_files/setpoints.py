@@ -4,18 +4,23 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from app.plant import plc
-from app.plant.definitions import PlcMap, Setpoint
+from app.plant.definitions import PlcMap, Point, Setpoint, Type
 from app.plant.said import said
-from app.plant.tables import MISSING, Table, is_number
+from app.plant.tables import MISSING, Table, is_number, one_of, span
 from app.plant.type_files.names import NUMBER_EXPECTED, ROLES
 from app.plant.type_files.points import Points, read_choices
 from app.plant.type_files.sentences import Sentences
+from app.registers.codec import raw_limits
+
+TINY = 1e-9
+"""How far a limit may lie beyond the register by the arithmetic of its scale [EU]."""
 
 
 def read_setpoints(
     file: Table, points: Points, sentences: Sentences, map: PlcMap | None
 ) -> Iterator[tuple[str, Setpoint]]:
     """Each table of `file`; `points` get those that have an address, or are made writable within the settings of `map`."""
+    codes = dict[str, str]()
     for key, row in file.tables():
         low, high = row.raw("low", 0), row.raw("high", 65535)
         options = read_choices(row, key, "options")
@@ -60,11 +65,42 @@ def read_setpoints(
             if options:
                 data = points.found[key]
                 data.point = replace(data.point, texts=options)
+            _check_written(row, points.found[key].point, setpoint, low, high)
         elif key not in points.found:
             row.note("address", MISSING, said("mistake.address_or_key"))
         elif map and plc.inside(map.settings, points.found[key].point.register):
             data = points.found[key]
             assert data.point.register
             data.point = replace(data.point, register=replace(data.point.register, writable=True))
+        else:
+            register = points.found[key].point.register
+            if register is None or not register.writable:
+                row.note("", key, said("mistake.settable", point=key))
+        if setpoint.code and (other := codes.setdefault(setpoint.code, key)) != key:
+            row.note("code", setpoint.code, said("mistake.code_free", other=other))
         row.done()
         yield key, setpoint
+
+
+def _check_written(row: Table, point: Point, setpoint: Setpoint, low: object, high: object) -> None:
+    """A parameter is written and read back, and its register holds whatever its limits and options permit."""
+    register = point.register
+    if register is None:
+        return
+    for key in ("readable", "writable"):
+        if not getattr(register, key):
+            row.note(key, "false", said("mistake.settable", point=setpoint.key))
+    if register.type not in (Type.F32, Type.STRING):
+        ends = sorted(raw * register.scale + register.offset for raw in raw_limits(register))
+        for key, bound in (("low", low), ("high", high)):
+            if row.has(key) and is_number(bound) and not ends[0] - TINY <= float(str(bound)) <= ends[1] + TINY:
+                expected = said(
+                    "mistake.fits_register", point=setpoint.key, low=f"{ends[0]:g}", high=f"{ends[1]:g}",
+                    step=f"{abs(register.scale):g}",
+                )  # fmt: skip
+                row.note(key, bound, expected)
+    for value in setpoint.options if is_number(low) and is_number(high) else ():
+        if not float(str(low)) <= value <= float(str(high)):
+            row.note(f"options.{value}", value, span("number", float(str(low)), float(str(high))))
+    if setpoint.options and setpoint.default is not None and setpoint.default not in setpoint.options:
+        row.note("default", setpoint.default, one_of([str(value) for value in setpoint.options]))
