@@ -167,6 +167,7 @@ class Command:
     """Modbus exception with which the device refuses it → text key of what it means by that."""
     effects: Sequence[Effect] = ()
     """What it will do; the first one counts whose `when` holds and whose numbers are known."""
+    aside: bool = False  # it stands with all values of the machine (page/values), not among its commands
 
     @property
     def puts_back(self) -> bool:

@@ -183,6 +183,8 @@ class CommandView:
     low: float | None = None
     """Range of the argument as far as it is known now [EU]."""
     high: float | None = None
+    aside: bool = False
+    """It stands with all values of the machine, not among its commands."""
 
 
 @dataclass(frozen=True)
@@ -328,7 +330,8 @@ class EquipmentView:
         )
 
     def _command(self, command: Command) -> CommandView:
-        argument = self.point(command.argument) if command.argument in self.equipment.points else None
+        point = self.equipment.points.get(command.argument)
+        argument = self.point(point.key) if point else None
         setpoint = self.equipment.type.setpoints.get(command.argument)
         return CommandView(
             name=f"{self.id}.{command.key}",
@@ -338,8 +341,9 @@ class EquipmentView:
             stop=command.stop,
             hold=command.hold,
             argument=argument,
-            low=self._bound(setpoint, "low"),
-            high=self._bound(setpoint, "high"),
+            low=self._bound(setpoint, "low") if setpoint else point.low if point else None,
+            high=self._bound(setpoint, "high") if setpoint else point.high if point else None,
+            aside=command.aside,
         )
 
     def _bound(self, setpoint: Setpoint | None, end: str) -> float | None:

@@ -16,6 +16,7 @@ from app.sim.eura_e800.parameters import PARAMETERS
 from app.sim.eura_e800.registers import REGISTERS
 
 LIVE = {"status", "frequency", "voltage", "current"}
+OUTPUTS = ("set_ao1", "set_ao2", "output_1_on", "output_1_off", "output_2_on", "output_2_off", "relay_on", "relay_off")
 _data, _problems = types.read_type("eura_e800", LANGUAGES)
 
 
@@ -109,6 +110,26 @@ def test_codes_written_are_the_ones_of_the_manual_and_5_is_never_sent(drive: Equ
         "put_back": [],
         "reset": ["9"],
         "set_frequency": [],
+        **{key: [] for key in OUTPUTS},
+    }
+
+
+def test_outputs_are_written_where_the_manual_says_and_read_back_where_they_show(drive: EquipmentType) -> None:
+    written = {}
+    for key in OUTPUTS:
+        (write,) = drive.commands[key].writes
+        register = drive.points[write.point].register
+        assert register and not drive.commands[key].moves
+        written[key] = register.address, write.value, drive.commands[key].feedback
+    assert written == {
+        "set_ao1": (0x2002, "argument", "abs(ao1 - argument) < 0.06"),
+        "set_ao2": (0x2003, "argument", "abs(ao2 - argument) < 0.06"),
+        "output_1_on": (0x2005, "1", "output_1 == 1"),
+        "output_1_off": (0x2005, "0", "output_1 == 0"),
+        "output_2_on": (0x2006, "1", "output_2 == 1"),
+        "output_2_off": (0x2006, "0", "output_2 == 0"),
+        "relay_on": (0x2007, "1", "relay == 1"),
+        "relay_off": (0x2007, "0", "relay == 0"),
     }
 
 

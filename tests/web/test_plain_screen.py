@@ -79,3 +79,15 @@ def test_what_is_measured_is_sorted_from_what_is_said(client: TestClient) -> Non
     assert keys & elsewhere == set()
     assert "digital_inputs" in {point.key for point in screen.others}
     assert 0 < len(screen.curves) <= 4 and all(point.scale_high is not None for point in screen.curves)
+
+
+def test_a_command_that_stands_aside_is_with_all_values_and_nowhere_else(people: Staff) -> None:
+    people.enter("ana", "operator")
+    people.client.cookies.set("pogon_lang", "en")
+    values, page, face = (people.client.get(f"/equipment/m1{more}").text for more in ("/page/values", "", "/faceplate"))
+    for name in ("m1.set_ao1", "m1.output_1_on", "m1.relay_off"):
+        assert f'data-part="{name}"' in values, name
+        assert f'data-part="{name}"' not in page + face, name
+    assert 'data-part="m1.forward"' in values and 'data-part="m1.forward"' in page
+    drawn = people.client.get("/equipment/m1/commands")
+    assert drawn.status_code == 200 and 'data-part="m1.relay_off"' in drawn.text, "what is drawn anew has it, too"

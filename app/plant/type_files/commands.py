@@ -66,6 +66,7 @@ class CommandReader:
             needs_reason=table.flag("needs_reason"),
             refused=dict(self._refused(table)),
             effects=tuple(self._effects(table)),
+            aside=table.flag("aside"),
         )
         self._check(table, command)
         table.done()
@@ -134,6 +135,8 @@ class CommandReader:
         if command.stop:
             self._check_stop(table, command)
         self._check_argument(table, command)
+        if command.aside and (command.hold or command.stop or command.arguments):
+            table.note("aside", "true", said("mistake.not_aside"))
         if command.needs_reason and (command.hold or command.stop):
             table.note("needs_reason", "true", said("mistake.no_why"))
         if command.argument and command.argument not in self.points:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from app.sim.eura_e800.registers import AO1, AO2, REGISTERS
+from app.sim.eura_e800.registers import AO1, AO2, DO1, DO2, REGISTERS, RELAY
 from app.sim.induction_motor import OperatingPoint
 
 
@@ -50,13 +50,18 @@ def encode(it: Readings, values: Mapping[str, float], outputs: Mapping[int, int]
         0x1006: round(abs(it.point.torque) / it.rated_torque * 100),
         0x1007: round(it.heat_sink),
         0x100A: int(power),
-        0x100C: (1 if it.on else 0) | (4 if it.faulted else 0),
+        0x100C: _digital_outputs(it, outputs),
         0x1015: _analog_output(it, values["F431"], values, outputs[AO1]),
         0x1016: _analog_output(it, values["F432"], values, outputs[AO2]),
         0x1017: round(speed),
         0x1018: round(power * 10),
     }
     return [min(max(word, 0), 0xFFFF) for word in words.values()]
+
+
+def _digital_outputs(it: Readings, outputs: Mapping[int, int]) -> int:
+    """Bit 0: running, bit 2: fault; each output also shows what the PLC wrote. Assumed: no source says with which function it does."""
+    return (int(it.on) | outputs[DO1]) | outputs[DO2] << 1 | (int(it.faulted) | outputs[RELAY]) << 2
 
 
 def _analog_output(it: Readings, chosen: float, values: Mapping[str, float], token: int) -> int:
