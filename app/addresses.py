@@ -27,6 +27,11 @@ def host_and_port(text: str) -> tuple[str, int]:
     return host, int(port)
 
 
+def as_written(host: str, port: int) -> str:
+    """`host` and `port` as `host_and_port` takes them: an address of IPv6 is in brackets."""
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
 def names_host(text: str) -> bool:
     """Whether `text` is an IP address, or a name that may be one of a machine."""
     try:

@@ -122,7 +122,7 @@ async def _probe(tries: "Sequence[Try]", block: "Block", read: bool, patience: f
     from app.links.serial_port import NotSupported
 
     found: list[Found] = []
-    gateway = ""
+    others = ""
     impossible: list[NotSupported] = []
     for number, one in enumerate(tries, 1):
 
@@ -132,7 +132,7 @@ async def _probe(tries: "Sequence[Try]", block: "Block", read: bool, patience: f
         try:
             answers = await probe(one, tell, patience)
             found = [answer for answer in answers if answer.there]
-            gateway = next((f"; a gateway is there: {each.answer}" for each in answers if not each.there), "")
+            others = next((f"; {_other(each)}" for each in answers if not each.there), "")
         except NotSupported as error:
             impossible.append(error)
             continue
@@ -149,7 +149,7 @@ async def _probe(tries: "Sequence[Try]", block: "Block", read: bool, patience: f
             f"nothing answers ({tried}units {tries[0].units[0]} to {tries[0].units[-1]}). Is it switched on, set to Modbus RTU, "
             "A and B not swapped, the unit another one?"
             if tries[0].link.transport == "rtu"
-            else f"nothing answers at {tries[0]}, units {tries[0].units[0]} to {tries[0].units[-1]}{gateway}"
+            else f"nothing answers at {tries[0]}, units {tries[0].units[0]} to {tries[0].units[-1]}{others}"
         )
     refused = False
     if read:
@@ -157,6 +157,11 @@ async def _probe(tries: "Sequence[Try]", block: "Block", read: bool, patience: f
             refused = not await _show(answer, block) or refused
     if refused:
         raise typer.Exit(1)
+
+
+def _other(found: "Found") -> str:
+    """What came in place of an answer."""
+    return f"a gateway is there: {found.answer}" if found.sense else found.answer
 
 
 async def _show(found: "Found", block: "Block") -> bool:

@@ -59,6 +59,8 @@ class NoAnswer(LinkError):
     kind = "no_answer"
     request = 0
     """Id of the command of which nobody knows what became; 0 = it was none."""
+    instead = ""
+    """What came that was no answer, in words; empty = nothing."""
 
 
 class NotConnected(LinkError):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.addresses import host_and_port, is_loopback
+from app.addresses import as_written, host_and_port, is_loopback
 from app.errors import ConfigurationError
 
 
@@ -38,6 +38,11 @@ def test_host_and_port_are_taken_apart(text: str, host: str, port: int) -> None:
 def test_anything_else_is_told_what_was_expected(text: str) -> None:
     with pytest.raises(ConfigurationError, match="expected HOST:PORT"):
         host_and_port(text)
+
+
+@pytest.mark.parametrize("text", ["plc.hall:502", "10.0.0.7:5020", "[::1]:5020", "[fe80::1]:502"])
+def test_an_address_is_written_as_it_is_read(text: str) -> None:
+    assert as_written(*host_and_port(text)) == text
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -226,3 +226,31 @@ async def test_a_drive_that_does_not_answer_is_not_written_to(tmp_path: Path) ->
     code, _, errors = await pogon("inject", "m1", "OC", "--tcp", "{}:{}".format(*served.address))
     assert code == 1 and "no answer" in errors
     await served.close()
+
+
+@pytest.mark.parametrize(
+    ("unit", "pdu", "told"),
+    [
+        (255, "03 02 00 07", "answers came with unit 255: is that its unit?"),
+        (1, "03 04 00 07 00 08", "unit 1: 4 bytes, announced 4: expected 2"),
+        (None, "01 03 02 00 07", "bytes came that are no Modbus TCP (01 03 02 00 07): is the port right, and"),
+    ],
+)
+async def test_what_came_over_tcp_and_was_no_answer_is_told(unit: int | None, pdu: str, told: str) -> None:
+    """All of them were `nothing answers`: a device that names one unit whatever it is asked, too."""
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with suppress(asyncio.IncompleteReadError):
+            while head := await reader.readexactly(12):
+                answer = bytes.fromhex(pdu)
+                mbap = b"" if unit is None else head[:4] + (len(answer) + 1).to_bytes(2, "big") + bytes([unit])
+                writer.write(mbap + answer)
+        writer.close()
+
+    server = await asyncio.start_server(serve, "127.0.0.1", 0)
+    where = f"127.0.0.1:{server.sockets[0].getsockname()[1]}"
+    code, _, errors = await pogon("probe", "--tcp", where, "--unit", "1-2")
+    assert code == 1
+    assert errors.splitlines()[-1].startswith(f"pogon: nothing answers at {where}, units 1 to 2; {told}")
+    server.close()
+    await server.wait_closed()

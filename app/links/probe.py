@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
+from app.addresses import as_written
 from app.errors import GATEWAY, BadAnswer, DeviceException, NoAnswer, NotConnected
-from app.links.contract import Block, LateAnswerDue, Transport
+from app.links.contract import Block, Transport
 from app.links.rtu import RtuTransport
 from app.links.tcp import TcpTransport
 from app.plant.definitions import Link
@@ -33,7 +34,9 @@ class Found:
     answer: str
     """What it said, in words."""
     there: bool = True
-    """False: a gateway answered in its place, and does not reach it."""
+    """False: a gateway answered in its place, and does not reach it, or what came is no answer."""
+    sense: bool = True
+    """False: what came is no answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +53,7 @@ class Try:
 def settings_of(link: Link) -> str:
     """`9600 8E1`, or host and port."""
     if link.transport == "tcp":
-        return f"{link.host}:{link.tcp_port}"
+        return as_written(link.host, link.tcp_port)
     return f"{link.baud} 8{link.parity[0].upper()}{link.stop_bits}"
 
 
@@ -67,7 +70,7 @@ def transport_of(link: Link) -> Transport:
 
 
 async def probe(one: Try, tell: Callable[[int], None], patience: float = PATIENCE) -> list[Found]:
-    """The units that answer under the settings `one`, and those of which a gateway says that it does not reach them.
+    """The units that answer under the settings `one`, and those for which something else came that they are not.
 
     `tell` hears each unit before it is asked. Some devices close the connection when they are asked for another unit: it is opened again.
 
@@ -102,13 +105,15 @@ async def probe(one: Try, tell: Callable[[int], None], patience: float = PATIENC
 
 
 async def _ask(transport: Transport, link: Link, unit: int, patience: float) -> Found | None:
-    """What the unit says; None when it is silent, or when only noise came."""
+    """What the unit says, or over TCP what came in its place; None when it is silent, or when only noise came."""
     try:
         words = await transport.read(unit, Block(ADDRESS, 1), patience)
     except DeviceException as error:
         return Found(link, unit, str(error), error.code not in GATEWAY)
-    except (NoAnswer, LateAnswerDue, BadAnswer):
-        return None
+    except NoAnswer as error:
+        return Found(link, unit, error.instead, False, False) if error.instead else None
+    except BadAnswer as error:  # on a serial line the wrong settings make one
+        return Found(link, unit, f"unit {unit}: {error}", False, False) if link.transport == "tcp" else None
     return Found(link, unit, f"{ADDRESS:#06x} = {words[0]:#06x}")
 
 

@@ -18,6 +18,7 @@ from pymodbus.framer.socket import FramerSocket
 from pymodbus.pdu import DecodePDU, ModbusPDU
 
 from app import chance
+from app.addresses import as_written
 from app.errors import BadAnswer, NoAnswer, NotConnected
 from app.links.contract import Block, Counts, Exchange
 from app.links.names import addresses_of
@@ -55,7 +56,7 @@ class TcpTransport:
     def __init__(self, link: Link, exchange: Exchange | None = None) -> None:
         """`exchange` is of the memory transport; not used here."""
         self.counts = Counts()
-        self._where = f"{link.host}:{link.tcp_port}"
+        self._where = as_written(link.host, link.tcp_port)
         self._host, self._port = link.host, link.tcp_port
         self._client: AsyncModbusTcpClient | None = None
         self._transaction = chance.randrange(0, TRANSACTIONS)
@@ -157,8 +158,10 @@ class TcpTransport:
                 answer = await client.ctx.execute(False, telegram)
         except (TimeoutError, ModbusIOException) as error:
             _raise_if_cancelled()
-            what = f"{self._where} unit {telegram.dev_id}: no answer in {patience:g} s{framer.hint}"
-            raise NoAnswer(what) from error
+            came = f"; {framer.came}" if framer.came else ""
+            silence = NoAnswer(f"{self._where} unit {telegram.dev_id}: no answer in {patience:g} s{came}")
+            silence.instead = framer.came
+            raise silence from error
         except (ConnectionException, OSError) as error:
             _raise_if_cancelled()
             raise NotConnected(f"{self._where}: connection lost") from error
@@ -244,13 +247,13 @@ class _PlainFramer(FramerSocket):
     """The beginning of what came since the last answer and was no Modbus TCP."""
 
     @property
-    def hint(self) -> str:
-        """What came in place of an answer."""
+    def came(self) -> str:
+        """What came in place of an answer, in words."""
         if self.strange is not None:
-            return f"; answers came with unit {self.strange}: is that its unit?"
+            return f"answers came with unit {self.strange}: is that its unit?"
         if self.nonsense:
             shown = self.nonsense.hex(" ")
-            return f"; bytes came that are no Modbus TCP ({shown}): is the port right, and does the gateway speak Modbus TCP?"
+            return f"bytes came that are no Modbus TCP ({shown}): is the port right, and does the gateway speak Modbus TCP?"
         return ""
 
     def handleFrame(self, data: bytes, exp_devid: int, exp_tid: int) -> tuple[int, ModbusPDU | None]:

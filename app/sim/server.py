@@ -19,6 +19,7 @@ from typing import Any
 
 import serial  # type: ignore[import-untyped]
 
+from app.addresses import as_written
 from app.clock import Clock
 from app.errors import ConfigurationError
 from app.plant.definitions import Plant
@@ -68,7 +69,9 @@ class TcpServer:
         try:
             self._server = await asyncio.start_server(self._accept, host, port, limit=8192)
         except (OSError, OverflowError) as error:
-            raise ConfigurationError(f"tcp {host}:{port}: expected a free address of this machine ({error})") from error
+            raise ConfigurationError(
+                f"tcp {as_written(host, port)}: expected a free address of this machine ({error})"
+            ) from error
         self.address = self._server.sockets[0].getsockname()[:2]
 
     async def close(self) -> None:
@@ -424,7 +427,7 @@ async def _open(
     if openings.tcp:
         tcp = await serve_tcp(bus, *openings.tcp)
         servers.append(tcp)
-        say(f"tcp {tcp.address[0]}:{tcp.address[1]}")
+        say(f"tcp {as_written(*tcp.address)}")
     if openings.pty or openings.serial:
         baud = openings.baud or int(_common("baud", {link.name: link.baud for link in links}))
         if openings.pty:

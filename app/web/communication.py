@@ -15,6 +15,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 
+from app.addresses import as_written
 from app.errors import EXCEPTION_NAMES, Refused
 from app.links import bus_load
 from app.links.register_link import RegisterLink
@@ -244,7 +245,7 @@ def _errors(request: Request) -> dict[str, str]:
 def _where(link: Link) -> str:
     if link.transport == "rtu":
         return f"{link.port} · {link.baud} 8{link.parity[0].upper()}{link.stop_bits}"
-    return f"{link.host}:{link.tcp_port}" if link.transport == "tcp" else ""
+    return as_written(link.host, link.tcp_port) if link.transport == "tcp" else ""
 
 
 def _reads(link: RegisterLink | None) -> list[bus_load.Reads]:

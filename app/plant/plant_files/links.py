@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 
-from app.addresses import names_host
+from app.addresses import as_written, names_host
 from app.plant.definitions import Link
 from app.plant.plant_files.languages import PlantLanguages
 from app.plant.plant_files.names import check_id
@@ -70,7 +70,7 @@ def line_of(link: Link) -> str:
         host = link.host.lower().rstrip(".")
         with suppress(ValueError):
             host = str(ipaddress.ip_address(host))
-        return f"{'127.0.0.1' if host == 'localhost' else host}:{link.tcp_port}"
+        return as_written("127.0.0.1" if host == "localhost" else host, link.tcp_port)
     return os.path.normpath(link.port) if link.transport == "rtu" else f"link {link.name}"
 
 
