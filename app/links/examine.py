@@ -70,14 +70,37 @@ class Examiner:
             except LinkError:
                 self._bus.later(station, error)
                 return
-            await self._examine_alone(station, block, silence=True)
+            await self._examine_alone(station, block, Finding(silence=True))
 
-    async def _examine_alone(self, station: Station, block: ScanBlock, *, silence: bool = False) -> None:
+    async def examine_refusal(self, station: Station, block: ScanBlock, code: int) -> None:
+        """A block is refused again and again with a code that says nothing of registers: is it for some of them?"""
+        async with station.attention:
+            if not block.alive:
+                return
+            self._bus.drop(block)
+            spans, finding = spans_of(block.points), Finding(code=code)
+            try:
+                ends = [
+                    await self._refusal(station, _block(one, block.block.function), finding) > 0
+                    for one in (spans[0], spans[-1])
+                ]
+            except DeviceException:
+                ends = [True]
+            except LinkError as error:
+                self._bus.later(station, error)
+                return
+            if all(ends):
+                self._bus.schedule(block, _now() + 1.0)
+            else:
+                await self._examine_alone(station, block, finding)
+
+    async def _examine_alone(self, station: Station, block: ScanBlock, finding: Finding | None = None) -> None:
         if not block.alive:
             return
         self._bus.drop(block)
-        finding, function = Finding(silence), block.block.function
-        known = set(spans_of(block.points)) if block.words is not None else set()
+        finding, function = finding or Finding(), block.block.function
+        # a look at what it is silent for takes the line a whole time-out: there, what it once answered has no shorter pause
+        known = set(spans_of(block.points)) if block.answered and not finding.silence else set()
         try:
             await self._halve(station, function, spans_of(block.points), finding)
         except DeviceException:
@@ -89,11 +112,11 @@ class Examiner:
         learned = station.learned
         if finding.limit is not None:
             fallback = station.device.fallback_read
-            learned.limit = fallback if 0 < fallback < block.block.count else finding.limit
+            learned.limit = fallback if 0 < fallback < block.block.count else max(finding.limit, finding.taken)
             self._tell_limit(
                 station,
                 LinkError(
-                    f"{block.block.count} registers from {block.block.address:#06x} {'not answered' if silence else 'refused'}"
+                    f"{block.block.count} registers from {block.block.address:#06x} {'not answered' if finding.silence else 'refused'}"
                 ),
             )
         learned.gaps.update((function, first, last) for first, last in finding.gaps)
@@ -103,7 +126,8 @@ class Examiner:
             station.look_pause = FIRST_LOOK
         for first, last in finding.bad:
             log.warning(
-                "no such register link=%s unit=%d first=%#06x last=%#06x",
+                "%s link=%s unit=%d first=%#06x last=%#06x",
+                finding.what,
                 station.link.name,
                 station.number,
                 first,
@@ -117,7 +141,7 @@ class Examiner:
     async def _halve(self, station: Station, function: int, spans: list[tuple[int, int]], finding: Finding) -> bool:
         """Whether the device answers the registers from the first to the last of `spans` in one read."""
         first, last = spans[0][0], max(end for _, end in spans)
-        code = await self._refusal(station, Block(first, last - first + 1, function), silence=finding.silence)
+        code = await self._refusal(station, _block((first, last), function), finding)
         if not code:
             return True
         if len(spans) == 1:
@@ -135,10 +159,10 @@ class Examiner:
                 finding.limit = larger if finding.limit is None else min(finding.limit, larger)
         return False
 
-    async def _refusal(self, station: Station, block: Block, *, silence: bool) -> int:
-        """The code of `NO_REGISTER` with which the unit refuses `block`, 0 when it answers.
+    async def _refusal(self, station: Station, block: Block, finding: Finding) -> int:
+        """The code with which the unit refuses `block`, one that may be about its registers; 0 when it answers.
 
-        With `silence` no right answer, twice, from a unit that answers for others means the same: not all devices refuse in words.
+        Where silence is examined, no right answer, twice, from a unit that answers for others means the same: not all refuse in words.
 
         Raises:
             DeviceException: it has no time.
@@ -147,13 +171,14 @@ class Examiner:
         for _ in range(SILENT):
             try:
                 await self._bus.read(station, block)
+                finding.taken = max(finding.taken, block.count)
                 return 0
             except DeviceException as error:
-                if error.code not in NO_REGISTER:
+                if error.code not in (*NO_REGISTER, finding.code):
                     raise
-                return error.code
+                return error.code or NO_REGISTER[0]
             except (NoAnswer, BadAnswer):
-                if not silence:
+                if not finding.silence:
                     raise
             await self._hear(station)
         return NO_REGISTER[0]
@@ -222,6 +247,10 @@ def _refused(station: Station) -> tuple[list[Block], bool]:
     if known:
         return known, True
     return [Block(first, last - first + 1, function) for function, first, last in sorted(learned.bad)], False
+
+
+def _block(span: tuple[int, int], function: int) -> Block:
+    return Block(span[0], span[1] - span[0] + 1, function)
 
 
 def _now() -> float:

@@ -22,7 +22,7 @@ from app.links.schedule import Priority
 from app.links.services import Service
 from app.links.station import Station
 from app.links.statistics import LinkState
-from app.links.training_head import look_at_head
+from app.links.training_head import UNTOLD, look_at_head
 from app.plant.definitions import Link, MailboxMap, ParameterMap, PlcMap, UnitService
 from app.tags.database import TagDatabase
 from app.tags.quality import COMM_FAILURE, CONFIGURATION, DEVICE
@@ -34,6 +34,8 @@ RETRIES = 1
 BUSY_PAUSE = 0.05
 """Before a device that is busy is asked again [s]."""
 BUSY_TRIES = 2
+STUBBORN = 2
+"""Scans in a row that were refused with a code that says nothing of registers: the next one is looked at register by register."""
 SLOWEST_REFUSED = 1.5
 """Longest period of a block that the device keeps refusing [s]."""
 PERMANENT = 1.5
@@ -131,8 +133,12 @@ class Outages(Line):
             self.refuse(station, block, str(error))
         elif error.code in NO_REGISTER:
             self.attend(station, self._examiner.examine(station, block))
+        elif block.failures == STUBBORN and error.code not in UNTOLD and block.part is None and len(block.points) > 1:
+            block.failures += 1
+            self.attend(station, self._examiner.examine_refusal(station, block, error.code))
         elif error.code in PERMANENT_CODES:
             self._publish_block_lost(station, block, CONFIGURATION if error.code == 1 else DEVICE)
+            block.failures += 1
             self._schedule.at(block, now + PERMANENT)
         elif block.attempts < BUSY_TRIES:
             block.attempts += 1

@@ -42,6 +42,8 @@ class ScanBlock:
         self.period = period
         self.words: list[int] | None = None
         """Last raw words; None before the first and while there are none."""
+        self.answered = False
+        """Whether there ever were some."""
         self.quality: int | None = None
         """Quality last published for the whole block."""
         self.attempts = 0
@@ -98,7 +100,7 @@ class ScanBlock:
             old, self.quality = None, quality
         if words == old:
             return Batch(self.source, self.number, time, time, (), (), quality)
-        self.words = words
+        self.words, self.answered = words, True
         handles: list[int] = []
         values: list[Value] = []
         uneven: dict[int, int] = {}

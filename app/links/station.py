@@ -190,6 +190,18 @@ class Finding:
 
     silence: bool = False
     """Whether it is silence that is examined."""
+    code: int = 2
+    """Refusal that is examined, beside those that are always about registers."""
+    taken: int = 1
+    """Most registers that it took in one read meanwhile."""
+
+    @property
+    def what(self) -> str:
+        """What is wrong with those in `bad`, for the log."""
+        if self.silence:
+            return "register not answered"
+        return "no such register" if self.code == 2 else f"register refused with {self.code:02d}"
+
     bad: list[tuple[int, int]] = field(default_factory=list)
     """Registers that the device refuses alone."""
     gaps: list[tuple[int, int]] = field(default_factory=list)

@@ -7,6 +7,7 @@ import pytest
 
 from app.links.statistics import LinkState
 from app.plant.definitions import Device
+from app.registers.register import Type
 from app.sim.bus import Bus, LineFaultMode
 from app.tags.quality import (
     GOOD,
@@ -123,6 +124,73 @@ async def test_a_register_for_which_a_device_is_silent_takes_no_other_with_it(la
         assert line.quality("m.v23") == NOT_CONNECTED | SIMULATED
         silent = False
         await until(lambda: line.value("m.v23") == 23)
+
+
+@pytest.mark.parametrize("code", [0, 1, 4, 7, 8, 99, 255])
+async def test_a_register_that_is_refused_with_any_code_takes_no_other_with_it(code: int) -> None:
+    """Such as 04 for a sensor that is not fitted: a whole block of values was bad for as long as that lasted."""
+    device = RegisterDevice({n: n for n in range(30)})
+    bus, refuses = Bus({1: device}), True
+
+    async def exchange(unit: int, pdu: bytes) -> bytes | None:
+        first, count = int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
+        return bytes((0x83, code)) if refuses and first <= 7 < first + count else await on_bus(bus)(unit, pdu)
+
+    others = [f"m.v{n}" for n in range(30) if n != 7]
+    async with running([row("m", 1, 30, QUICK)], exchange=exchange) as line:
+        await until(lambda: all(map(is_good, map(line.quality, others))), 6.0)
+        for _ in range(50):
+            await asyncio.sleep(0.1)
+            assert all(map(is_good, map(line.quality, others)))
+        assert line.quality("m.v7") == NOT_CONNECTED | SIMULATED
+        refuses = False
+        await until(lambda: line.value("m.v7") == 7)
+
+
+@pytest.mark.parametrize("code", [2, 4])
+async def test_registers_that_it_had_answered_are_good_two_seconds_after_they_are_answered_again(code: int) -> None:
+    device = RegisterDevice({n: n for n in range(30)})
+    bus, refuses = Bus({1: device}), False
+
+    async def exchange(unit: int, pdu: bytes) -> bytes | None:
+        first, count = int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
+        return bytes((0x83, code)) if refuses and first <= 7 < first + count else await on_bus(bus)(unit, pdu)
+
+    async with running([row("m", 1, 30, QUICK)], exchange=exchange) as line:
+        await until(lambda: is_good(line.quality("m.v29")))
+        refuses = True
+        await asyncio.sleep(60)
+        refuses = False
+        await until(lambda: is_good(line.quality("m.v7")), 2.0)
+
+
+@pytest.mark.parametrize("code", [4, 99])
+async def test_a_device_that_refuses_everything_for_a_while_is_not_taken_apart(code: int) -> None:
+    device = RegisterDevice({n: n for n in range(30)})
+    bus, refuses, asked = Bus({1: device}), False, 0
+
+    async def exchange(unit: int, pdu: bytes) -> bytes | None:
+        nonlocal asked
+        asked += 1
+        return bytes((pdu[0] | 0x80, code)) if refuses else await on_bus(bus)(unit, pdu)
+
+    async with running([row("m", 1, 30, QUICK)], exchange=exchange) as line:
+        await until(lambda: is_good(line.quality("m.v29")))
+        refuses, asked = True, 0
+        await asyncio.sleep(20)
+        assert asked < 100
+        refuses = False
+        await until(lambda: all(is_good(line.quality(f"m.v{n}")) for n in range(30)), 2.0)
+        assert not line.link.stations[1].learned.bad
+
+
+async def test_a_value_as_long_as_the_most_that_a_device_takes_is_read() -> None:
+    """The limit was taken for smaller than a read that had just been answered."""
+    device = RegisterDevice({n: n for n in range(14)}, limit=4)
+    points = [point("m", f"v{n}", n) for n in range(10)] + [point("m", "wide", 10, type=Type.U64, words=4)]
+    async with running([machine("m", 1, points, QUICK)], exchange=on_bus(Bus({1: device}))) as line:
+        await until(lambda: all(is_good(line.quality(one.name)) for one in points), 5.0)
+        assert line.value("m.wide") == 0x000A_000B_000C_000D
 
 
 async def test_a_unit_that_falls_silent_while_it_is_examined_is_silent() -> None:
