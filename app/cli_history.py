@@ -111,7 +111,7 @@ def export(
         else:
             named = [tag.strip() for tag in tags.split(",") if tag.strip()]
             made = Export(ExportSettings(tags=named, begin=span[0], end=span[1], interval=aggregate, **about))
-        database = Database(path, "history")
+        database = Database(path, "history", only_read=True)
         database.run(made.open)
         _write(made, database, out)
     except (ConfigurationError, StorageError) as error:

@@ -57,10 +57,14 @@ MENDING_TIMEOUT = 10.0
 class Database:
     """One database file: writes go one after the other on its own thread, reads run beside them."""
 
-    def __init__(self, path: Path, name: Literal["pogon", "history"], threads: Threads = threads) -> None:
+    def __init__(
+        self, path: Path, name: Literal["pogon", "history"], threads: Threads = threads, *, only_read: bool = False
+    ) -> None:
+        """`only_read`: also in a folder that cannot be written to, such as a copy on a medium that is read only."""
         self.path = path
         self.name = name
-        self.engine = _engine(path, PRAGMAS[name])
+        as_it_lies = only_read and not os.access(path.absolute().parent, os.W_OK)
+        self.engine = _engine(path, PRAGMAS[name], open_to_read if as_it_lies else _connect)
         self._writer = threads(1, f"{name}-writer")
         self._readers = threads(READERS, f"{name}-reader")
         self._file: OpenFile | None = None
@@ -361,10 +365,23 @@ def _connect(path: Path) -> sqlite3.Connection:
 def open_to_read(path: Path) -> sqlite3.Connection:
     """A connection to the database at `path`, whatever its folder is called, that makes and changes nothing.
 
+    SQLite reads ours only where it may put a journal beside it; a copy in a folder that cannot be written to is read as it lies there,
+    when no journal lies beside it.
+
     Raises:
         sqlite3.OperationalError: it is not there, or cannot be opened.
     """
-    return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=BUSY_TIMEOUT)
+    whole, beside = path.absolute(), [path.with_name(path.name + tail).exists() for tail in ("-wal", "-shm")]
+    as_it_lies = ""
+    if path.exists() and not os.access(whole.parent, os.W_OK):
+        if beside == [True, False]:
+            raise sqlite3.OperationalError(
+                f"its newest rows are in {path.name}-wal, and {whole.parent} cannot be written to: copy both to a folder that can"
+            )
+        as_it_lies = "" if any(beside) else "&immutable=1"
+    # readers of a pool give connections to one another
+    uri = f"{whole.as_uri()}?mode=ro{as_it_lies}"
+    return sqlite3.connect(uri, uri=True, timeout=BUSY_TIMEOUT, check_same_thread=False)
 
 
 def _heads(name: str) -> set[str]:
@@ -405,8 +422,8 @@ def alembic_config(name: str, url: str) -> "Config":
     return config
 
 
-def _engine(path: Path, pragmas: Sequence[str]) -> Engine:
-    engine = create_engine("sqlite://", creator=lambda: _connect(path), poolclass=QueuePool)
+def _engine(path: Path, pragmas: Sequence[str], connect: Callable[[Path], sqlite3.Connection]) -> Engine:
+    engine = create_engine("sqlite://", creator=lambda: connect(path), poolclass=QueuePool)
 
     @event.listens_for(engine, "connect")
     def _connected(connection: Any, _record: Any) -> None:

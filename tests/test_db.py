@@ -111,3 +111,35 @@ def schema(file: Path, name: Literal["pogon", "history"]) -> list[str]:
         )
     finally:
         database.close()
+
+
+@pytest.fixture
+def medium(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a history, to which nobody can write: whoever runs the tests may be root, who can."""
+    folder = tmp_path / "medium"
+    folder.mkdir()
+    made = Database(folder / "history.db", "history", inline)
+    made.migrate()
+    made.close()
+    assert [path.name for path in folder.iterdir()] == ["history.db"]
+    monkeypatch.setattr("app.db.os.access", lambda path, _mode: Path(path) != folder)
+    return folder
+
+
+def test_a_copy_on_a_medium_that_is_read_only_is_read_as_it_lies_there(medium: Path) -> None:
+    copy = Database(medium / "history.db", "history", inline, only_read=True)
+    assert copy.run(lambda connection: connection.exec_driver_sql("SELECT count(*) FROM sample").scalar()) == 0
+    assert [path.name for path in medium.iterdir()] == ["history.db"], "SQLite would put a journal beside it"
+    with pytest.raises(StorageError, match="readonly"):
+        copy.run(lambda connection: connection.exec_driver_sql("DELETE FROM sample") and None)
+    copy.close()
+
+
+def test_a_copy_whose_newest_rows_are_in_its_journal_says_where_they_are(medium: Path) -> None:
+    (medium / "history.db-wal").write_bytes(b"rows")
+    copy = Database(medium / "history.db", "history", inline, only_read=True)
+    with pytest.raises(
+        StorageError, match=r"history\.db: its newest rows are in history\.db-wal, and .*medium cannot be"
+    ):
+        copy.run(lambda connection: connection.exec_driver_sql("SELECT count(*) FROM sample").scalar())
+    copy.close()
