@@ -109,6 +109,22 @@ def test_an_export_into_a_folder_that_is_not_there_is_one_line(tmp_path: Path) -
     )
 
 
+@pytest.mark.parametrize(
+    ("encoding", "shown"), [("ascii", "Đuro Čavić"), ("latin-1", "?uro ?avi?")]
+)  # no terminal is ASCII
+def test_a_terminal_that_lacks_our_letters_is_told_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, encoding: str, shown: str
+) -> None:
+    monkeypatch.setenv("PYTHONIOENCODING", encoding)
+    helped = pogon(tmp_path / "none", "--help")
+    assert helped.returncode == 0 and "selftest" in helped.stdout, helped.stderr
+    made = pogon(tmp_path / "data", "user", "add", "djuro", "--display", "Đuro Čavić", "--role", "admin")
+    assert made.returncode == 0 and "initial password" in made.stdout, made.stderr
+    listed = pogon(tmp_path / "data", "user", "list")
+    assert (listed.returncode, listed.stderr) == (0, "")
+    assert shown in listed.stdout
+
+
 @pytest.mark.slow
 @pytest.mark.real_time
 def test_a_foreign_master_and_the_screen_see_the_same_motor(pogon_server: Start, free_port: int) -> None:
