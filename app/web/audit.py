@@ -144,7 +144,8 @@ def _filter(request: Request, person: Person) -> tuple[Filter, dict[str, str]]:
 
 
 def read_time(request: Request, text: str, field: str) -> int | None:
-    """What a field for a time says (typed_time.py), in the plant's zone; a time that names its own offset keeps it.
+    """What a field for a time says (typed_time.py), in the plant's zone; a time that names its own offset keeps it. Of one that the clock
+    shows twice in autumn the first is meant, in the field `until` the second, so that nothing between is left out.
 
     Raises:
         Refused: 422, it is none, or cannot be written in UTC and in the plant's zone.
@@ -154,7 +155,10 @@ def read_time(request: Request, text: str, field: str) -> int | None:
     zone = zone_of(request)
     try:
         typed = typed_time.read(text, end=field == "until")
-        found = to_micros(typed if typed.tzinfo else typed.replace(tzinfo=zone))
+        if typed.tzinfo is None:
+            typed = typed.replace(tzinfo=zone)
+            typed = typed.replace(fold=field == "until" and fmt.repeated(typed))
+        found = to_micros(typed)
         to_datetime(found).astimezone(zone)
         return found
     except (ValueError, OverflowError) as error:

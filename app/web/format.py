@@ -171,10 +171,11 @@ def date_time(micros: int, zone: ZoneInfo, lang: str, now: int, *, milliseconds:
 
 
 def moment_or_time(micros: int, zone: ZoneInfo, lang: str, now: int) -> str:
-    """Time of day when it is of today, else date and time."""
-    today = to_datetime(now).astimezone(zone).date()
-    same_day = to_datetime(micros).astimezone(zone).date() == today
-    return clock_time(micros, zone) if same_day else date_time(micros, zone, lang, now)
+    """Time of day when it is of today, else date and time; the repeated hour of autumn with its offset."""
+    moment, today = to_datetime(micros).astimezone(zone), to_datetime(now).astimezone(zone).date()
+    if moment.date() != today:
+        return date_time(micros, zone, lang, now)
+    return f"{clock_time(micros, zone)} {_offset(moment)}" if repeated(moment) else clock_time(micros, zone)
 
 
 def iso(micros: int, zone: ZoneInfo) -> str:

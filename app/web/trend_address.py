@@ -14,6 +14,7 @@ from app.historian.export import moment
 from app.historian.saved_views import LONGEST_VIEW
 from app.plant.definitions import Kind, Plant
 from app.web import typed_time
+from app.web.format import repeated
 
 MOST_PENS = 8
 PRESETS = ("10m", "1h", "8h", "24h", "7d")
@@ -168,8 +169,9 @@ def _with_room(at: int, zone: ZoneInfo) -> int:
 
 
 def typed_form(at: int, zone: ZoneInfo) -> str:
-    """A time [µs UTC] as a field has it before anybody types."""
-    return f"{to_datetime(at).astimezone(zone):%Y-%m-%dT%H:%M:%S}"
+    """A time [µs UTC] as a field has it before anybody types; the repeated hour of autumn with its offset, so that it is read as it was."""
+    moment = to_datetime(at).astimezone(zone)
+    return moment.isoformat(timespec="seconds") if repeated(moment) else f"{moment:%Y-%m-%dT%H:%M:%S}"
 
 
 def kept(text: str, now: int, zone: ZoneInfo) -> str:

@@ -184,6 +184,9 @@ def test_the_hour_that_comes_twice_in_autumn_is_told_apart() -> None:
     assert fmt.date_time(first, ZAGREB, "hr", first) == "25.10. 02:30:00 +02:00"
     assert fmt.date_time(second, ZAGREB, "hr", first) == "25.10. 02:30:00 +01:00"
     assert fmt.date_time(second + 3_600_000_000, ZAGREB, "hr", first) == "25.10. 03:30:00"
+    assert fmt.moment_or_time(first, ZAGREB, "hr", second) == "02:30:00 +02:00"
+    assert fmt.moment_or_time(second, ZAGREB, "hr", second) == "02:30:00 +01:00"
+    assert fmt.moment_or_time(second + 3_600_000_000, ZAGREB, "hr", second) == "03:30:00"
 
 
 @pytest.mark.parametrize(

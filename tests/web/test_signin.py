@@ -4,12 +4,15 @@ import csv
 import io
 import re
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from html.parser import HTMLParser
 
 import pytest
 
+from app.access.audit.line import entry_at
 from app.access.audit.search import Filter
 from app.access.sessions import hash_of
+from app.clock import to_micros
 from app.errors import StorageError
 from app.settings import Settings
 from tests.virtual import house
@@ -430,6 +433,17 @@ def test_lines_are_filtered_and_paged(staff: Staff) -> None:
     assert second.count('class="mono">paged.') == 10
     assert "paged.09" in second and "paged.10" not in second
     assert 'class="mono">paged.' not in staff.client.get("/audit?kind=paged&since=2999-01-01T00:00").text
+
+
+def test_a_filter_leaves_nothing_of_the_hour_that_comes_twice_out(staff: Staff) -> None:
+    staff.enter("chief", "admin", "engineer", "operator")
+    first = to_micros(datetime(2026, 10, 25, 0, 15, tzinfo=UTC))
+    for hour, name in enumerate(("first pass", "second pass")):
+        line = entry_at(first + hour * 3_600_000_000, "backup.made", BOSS, f"{name}.tar")
+        staff.wait(staff.access.audit.write, line)
+    shown = staff.client.get("/audit?kind=backup.made&since=25.10.2026 02:10&until=25.10.2026 02:20").text
+    assert "first pass.tar" in shown and "second pass.tar" in shown
+    assert "02:15:00 +02:00" in shown and "02:15:00 +01:00" in shown
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from app import bundled
+from app.clock import to_micros
 from app.errors import StorageError
 from app.historian import store
 from app.historian.statistics import Numbers, statistics
@@ -300,6 +301,14 @@ def test_a_range_is_typed_on_the_clock_of_the_plant(client: TestClient) -> None:
     for begin, end in (("09.03.2026 08:00", "09.03.2026 07:00"), ("31.02.2026", "09.03.2026"), ("", "")):
         wrong = chosen(client, "/trends/range", view, **{"from": begin, "to": end})
         assert "The end must come after the beginning" in wrong and f'value="{begin}"'[:18] in wrong.replace("/", ".")
+
+
+def test_a_range_in_the_hour_that_comes_twice_is_typed_back_as_it_was(client: TestClient) -> None:
+    for begin, end in (("2026-10-25T00:10Z", "2026-10-25T00:40Z"), ("2026-10-25T00:30Z", "2026-10-25T01:20Z")):
+        form = chosen(client, "/trends/range", f"tags=m1.speed&from={begin}&to={end}")
+        written = dict(re.findall(r'name="(from|to)"[^>]*value="([^"]+)"', form))
+        back = chosen(client, "/trends/range", "tags=m1.speed", **written)
+        assert (back["from"], back["to"]) == tuple(to_micros(datetime.fromisoformat(one)) for one in (begin, end))
 
 
 @pytest.mark.parametrize(
