@@ -93,8 +93,7 @@ function beat() {
 document.addEventListener("pogon:hold", ({ detail }) => {
   if (!hold || detail.lease !== hold.lease) return;
   if (detail.over) {
-    const mine = hold;
-    over(mine);
+    over(hold);
     return commands.told(detail.over, "error");
   }
   if (detail.counter !== hold.counter) return;
@@ -106,6 +105,7 @@ function release(cause) {
   if (!hold) return;
   const mine = hold;
   over(mine);
+  if (cause === "offline") commands.told(commands.textsOf(mine.button).no_answer, "error"); // the finger is still down, and the button let go
   if (mine.lease) tell(mine, cause);
 }
 

@@ -375,6 +375,23 @@ def test_a_pointer_that_slides_off_the_button_ends_the_motion(sit: Sit) -> None:
     page.mouse.up()
 
 
+def test_a_hold_that_the_network_ends_under_the_finger_says_so(sit: Sit) -> None:
+    page = sit("ana", "/equipment/m2")
+    take(page)
+    jog(page)
+    moves(page)
+    page.evaluate(
+        """window.said = [];
+        const line = document.getElementById("message");
+        new MutationObserver(() => said.push(line.innerText)).observe(line, { childList: true, subtree: true, characterData: true });
+        WebSocket.prototype.send = () => {};"""
+    )
+    expect(page.locator("[data-hold='m2.jog_forward']")).to_have_attribute("data-state", "idle")
+    stands(page)
+    page.mouse.up()
+    assert any("No answer from the server" in text for text in page.evaluate("said"))
+
+
 def test_a_closed_tab_and_a_killed_browser_end_the_motion(sit: Sit) -> None:
     watcher = sit("ivo", "/equipment/m2")
     page = sit("ana", "/equipment/m2")
