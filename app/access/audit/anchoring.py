@@ -5,9 +5,11 @@ audit.anchors  a line every 1000 lines and every hour, each signed together with
 audit.key      behind the key: the id of the installation and the newest anchor, signed
 """
 
+import fcntl
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from app import chance
@@ -109,8 +111,12 @@ class Anchoring:
                 self._note_mark(seq, mac)
             if seq <= self._anchored or not (now or self.due):
                 return
-            line = self._write(seq, mac)
-            self._note_mark(seq, mac)
+            with _alone(self._data):
+                self._follow()
+                if seq <= self._anchored:
+                    return
+                line = self._write(seq, mac)
+                self._note_mark(seq, mac)
         except (OSError, ConfigurationError) as error:
             log.error("audit anchor not written reason=%s", error)
             return
@@ -120,6 +126,15 @@ class Anchoring:
                 tell(line)
             except OSError as error:
                 log.error("audit anchor not sent reason=%s", error.strerror or error)
+
+    def _follow(self) -> None:
+        """Another process on this folder, such as `pogon user`, may have written an anchor since: the next one hangs on that.
+
+        One that is older than ours is no such anchor: ours was taken away, and the next one tells.
+        """
+        seq, sign = self._last_anchor()
+        if seq > self._anchored:
+            self._anchored, self._last_sign = seq, sign
 
     def _write(self, seq: int, mac: str) -> str:
         time = self._clock.micros()
@@ -141,6 +156,21 @@ class Anchoring:
         """Number and signature of the newest anchor; 0 without one that can be read."""
         anchors = read_marks(self._data).anchors
         return (anchors[-1].seq, anchors[-1].sign) if anchors else (0, "")
+
+
+@contextmanager
+def _alone(data: Path) -> Iterator[None]:
+    """No other process writes an anchor meanwhile.
+
+    Raises:
+        OSError: one does.
+    """
+    handle = os.open(data, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(handle)
 
 
 def _number(text: str) -> int:

@@ -74,6 +74,23 @@ async def test_anchors_hang_together(access: Access, data: Path, clock: ManualCl
     assert access.audit.check_now().ok
 
 
+async def test_anchors_of_a_command_beside_the_server_hang_together_with_its_own(
+    access: Access, open_access: OpenAccess, data: Path, clock: ManualClock
+) -> None:
+    await access.audit.record("command", boss())
+    for _ in range(2):
+        beside = open_access()
+        beside.audit.run(lambda _connection: (None, [beside.audit.entry("person.roles", boss())]))  # noqa: B023
+        beside.audit.close()
+        await access.audit.record("command", boss())
+        clock.advance(3601)
+        await access.audit.record("command", boss())
+        assert access.audit.check_now().ok
+    anchors = [line.split() for line in (data / "audit.anchors").read_text().splitlines()]
+    assert [line[3] for line in anchors[1:]] == [line[-1][:16] for line in anchors[:-1]]
+    assert len(anchors) == 4
+
+
 @pytest.mark.parametrize("room", [0, 1, 60, 140])
 async def test_an_anchor_that_a_full_disk_takes_in_part_is_taken_back_and_written_later(
     access: Access, data: Path, clock: ManualClock, monkeypatch: pytest.MonkeyPatch, room: int
