@@ -91,6 +91,10 @@
       }
     }
   }
+  for (const e of visible.filter((one) => one.matches('.panel > header'))) { // what it says ends where it ends
+    const end = box(e).right - parseFloat(getComputedStyle(e).paddingRight) + 1;
+    if ([...e.children].some((one) => shown(one) && box(one).right > end)) faults.add('beyond the end of its head: ' + name(e));
+  }
   for (const e of visible) {
     if (!e.textContent.trim() && e.tagName !== 'INPUT') continue;
     const s = getComputedStyle(e);

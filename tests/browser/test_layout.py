@@ -47,7 +47,7 @@ show 200 or 400 %, what is held in a hand."""
 THERE = (
     *("/", "/alarms", "/alarms?tab=journal", "/events", "/records/passage?equipment=c1", "/trends", "/communication"),
     *(f"/equipment/{machine}" for machine in ("m1", "c1", "cc1", "cr1", "seq1", "a1")),
-    *("/equipment/cr1/page/hoist", "/equipment/cr1/page/drives", "/equipment/c1/events"),
+    *("/equipment/cr1/page/hoist", "/equipment/cr1/page/drives", "/equipment/c1/events", "/equipment/a1/page/words"),
     *("/instructor/c1", "/equipment/seq1/definition"),
 )
 """What is looked at there."""
