@@ -168,3 +168,21 @@ def test_on_paper_a_list_says_what_its_rows_are_about(abnormal: Page, path: str)
     expect(abnormal.locator("main tbody .a-open").first).to_be_visible()
     assert abnormal.evaluate(UNSAID) == []
     abnormal.emulate_media(media="screen")
+
+
+@pytest.mark.parametrize("path", ["/equipment/m1/parameters", "/equipment/a1/drive-parameters", "/audit"])
+def test_a_sheet_of_paper_has_the_table_whole_and_says_of_which_plant_and_when(abnormal: Page, path: str) -> None:
+    """In the width of A4, and without what one presses, chooses or searches with."""
+    abnormal.emulate_media(media="print")
+    abnormal.set_viewport_size({"width": 718, "height": 1000})
+    abnormal.goto(origin(abnormal) + path)
+    for shown in (".head [data-clock]", ".head [data-date]", ".crumbs > a >> nth=0", "main tbody tr td >> nth=1"):
+        expect(abnormal.locator(shown)).to_be_visible()
+    assert abnormal.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
+    if "parameters" in path:
+        for shown in (".par .p-range >> nth=2", ".par .p-def >> nth=2"):
+            expect(abnormal.locator(shown)).to_be_visible()
+        expect(
+            abnormal.locator("main :is(.p-nav, [type=search], .dp-show, .p-edit, .dp-change) >> visible=true")
+        ).to_have_count(0)
+    abnormal.emulate_media(media="screen")
