@@ -210,31 +210,31 @@
     }
   });
 
-  // ---- a change of language or colours keeps the place, the fragment and what was typed ---------------------------
-  const KEPT = "pogon.typed";
+  // ---- what was typed is there again after a change of language or colours, and when who typed it has signed in again ----
+  const KEPT = "pogon.typed", here = location.pathname + location.search;
   const fields = () => [...document.querySelectorAll(".content :is(input, select, textarea), .zone :is(input, select, textarea)")]
     .filter((field) => (field.name || field.id) && !["password", "hidden", "file"].includes(field.type));
-  const key = (field) => `${field.form?.id ?? ""}/${field.name || field.id}/${field.type === "radio" ? field.value : ""}`;
   const checks = (field) => ["checkbox", "radio"].includes(field.type);
+  const key = (field) => [field.form?.id || field.form?.getAttribute("action"), field.name || field.id, checks(field) ? field.value : ""].join();
   const changed = (field) => field.tagName === "SELECT" ? [...field.options].some((option) => option.selected !== option.defaultSelected)
     : checks(field) ? field.checked !== field.defaultChecked : field.value !== field.defaultValue;
 
   document.addEventListener("submit", ({ target }) => {
     if (!target.matches("form[data-stay]")) return;
-    const back = target.querySelector("[name=next]");
-    back.value = location.pathname + location.search + location.hash;
-    const typed = fields().filter(changed).map((field) => [key(field), checks(field) ? field.checked : field.value]);
-    const scroll = [window.scrollY, document.getElementById("content").scrollTop];
-    sessionStorage.setItem(KEPT, JSON.stringify({ path: location.pathname + location.search, typed, scroll }));
+    target.querySelector("[name=next]").value = here + location.hash;
+    target.dataset.stay = "now";
   });
-  const kept = JSON.parse(sessionStorage.getItem(KEPT) ?? "null");
-  sessionStorage.removeItem(KEPT);
-  if (kept?.path === location.pathname + location.search) {
-    const typed = new Map(kept.typed);
-    for (const field of fields()) {
-      const value = typed.get(key(field));
-      if (value === undefined) continue;
-      if (checks(field)) field.checked = value; else field.value = value;
+  const kept = JSON.parse(sessionStorage.getItem(KEPT) ?? "null"), away = kept?.who && !who;
+  if (away) for (const way of document.querySelectorAll('[href^="/signin"]')) way.search = `?next=${encodeURIComponent(kept.path)}`;
+  else sessionStorage.removeItem(KEPT);
+  addEventListener("pagehide", () => {
+    const typed = Object.fromEntries(fields().filter(changed).map((field) => [key(field), checks(field) ? field.checked : field.value]));
+    const stays = !!document.querySelector("[data-stay=now]"), scroll = [scrollY, document.getElementById("content").scrollTop];
+    sessionStorage.setItem(KEPT, JSON.stringify(away ? { ...kept, stays: true } : { who, path: here, stays, typed, scroll }));
+  });
+  if (kept?.stays && kept.who === who && kept.path === here) {
+    for (const field of fields().filter((one) => key(one) in kept.typed)) {
+      field[checks(field) ? "checked" : "value"] = kept.typed[key(field)];
       field.dispatchEvent(new Event("input", { bubbles: true }));
     }
     window.scrollTo(0, kept.scroll[0]);
