@@ -367,8 +367,8 @@ class EventWords:
         found = []
         for name, value in decode(kind.snapshot, one.words, one.code).items():
             field = kind.snapshot[name]
-            if value is None or (value == 0 and not field.bit_of):
-                continue
+            if value is None or (value == 0 and not (field.bit_of and any(one.words))):
+                continue  # words that are all 0 say nothing, not even bit 0
             part = one.source if "source" in (field.bit_of, field.bits_of) else 0
             if field.bit_of:
                 shown = f"{value} {self._bit(by, part, int(value), '')}".rstrip()

@@ -320,6 +320,8 @@ def test_a_sequence_that_runs_is_in_the_list_with_who_started_it(live: Staff) ->
     assert one.seconds == pytest.approx(0.4, abs=0.1)
     assert (runtime.tags.value(runtime.tags.handle("sys.events.seq2")) or 0) >= 1  # type: ignore[operator]
     assert runtime.events.last("seq2") is not None
+    told = ivo.get("/events?equipment=seq2&event=power_up", fragment=False).text
+    assert ids(told) and '<span class="e-w">' not in told, "words that are all 0 name no bit"
     page = ivo.get("/records/run?equipment=seq2", fragment=False).text
     assert 'data-tag="sys.events.seq2"' in page
     assert ids(page) == [one.id]
