@@ -10,7 +10,7 @@ document.addEventListener("htmx:after:swap", () => {
     field.ariaInvalid = line && String(line.matches(".rv-bad"));
   }
 });
-document.addEventListener("htmx:after:request", ({ target }) => { if (target.matches("#p-form")) quiet(3000); });
+document.addEventListener("htmx:after:request", ({ detail: { ctx } }) => { if (ctx.sourceElement.matches("#p-form")) quiet(3000); });
 addEventListener("beforeunload", (event) => { if (document.querySelector("[data-dirty]")) event.preventDefault(); });
 
 // ---- groups and filter --------------------------------------------------------------------------------------------------------------
