@@ -46,7 +46,7 @@ async def help_on(request: Request, of: str = "/") -> Response:
         "keys": KEYS,
     }
     if "hx-request" in request.headers:
-        return view.fragment(request, "fragments/help.html", **said)
+        return view.fragment(request, "fragments/help_body.html", **said)
     return view.page(request, "pages/help.html", title=view.text(request, "help.title"), **said)
 
 

@@ -61,17 +61,9 @@ class Place:
     """The label alone, the same."""
 
 
-@router.get("/palette", dependencies=[allow("view")])
-async def palette(request: Request) -> Response:
-    """The dialog, with pages and machines to begin with."""
-    return view_of(request).fragment(
-        request, "fragments/palette.html", places=await _found(request, ""), q="", symbols=SYMBOLS
-    )
-
-
 @router.get("/palette/found", dependencies=[allow("view")])
 async def hits(request: Request, q: str = "") -> Response:
-    """What was found, alone."""
+    """What was found; without a word, pages and machines to begin with."""
     looked = q.strip()[:LONGEST]
     found = await _found(request, looked)
     return view_of(request).fragment(request, "fragments/palette_found.html", places=found, q=looked, symbols=SYMBOLS)

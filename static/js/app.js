@@ -134,22 +134,8 @@
   [...document.querySelectorAll(".tabs [aria-current]")].pop()?.scrollIntoView({ block: "nearest", inline: "center" });
 
   // ---- search, help and the keys that lead somewhere ----------------------------------------------------------------
-  let coming = null; // the keys since one of them was asked for: they are for what comes, and press nothing that is still behind it
-  const over = (url) => {
-    if (coming) return;
-    const keys = coming = [];
-    body.dataset.coming = "";
-    import(body.dataset.palette).then(({ show }) => show(url === "/help" ? `/help?of=${encodeURIComponent(location.pathname)}` : url, keys))
-      .catch(() => { say(line.dataset.network, "error"); }).finally(() => { coming = null; delete body.dataset.coming; });
-  };
-  addEventListener("keydown", (event) => {
-    const { key, ctrlKey, metaKey, altKey } = event;
-    if (!coming || body.dataset.live === "offline" || ctrlKey || metaKey || altKey || /^F\d/.test(key)) return;
-    coming.push(key);
-    if (key === "Escape") coming = null;
-    event.preventDefault();
-    event.stopImmediatePropagation();
-  }, true);
+  const awaited = (name) => import(body.dataset.palette).then(({ show }) => show(name)).catch(() => { say(line.dataset.network, "error"); });
+  const over = (name) => (window.pogon.over ?? awaited)(name);
   function point() { // the palette named an action: it is pressed here, by hand
     const wanted = location.hash.startsWith("#do-") && CSS.escape(location.hash.slice(4));
     if (wanted) for (const name of ["command", "hold", "setpoint"])

@@ -483,17 +483,18 @@ function still() {
   scrims.forEach((scrim, index) => { scrim.inert = index < scrims.length - 1; });
 }
 
-/** Open the dialog that `url` answers; a click on `closing` shuts it. Gives the dialog and what closes it; null when there is none, which is said. */
-export async function fetchDialog(url, closing = "[data-close]", closed = () => {}) {
+/** Open the dialog that `url` answers; a click on `closing` shuts it. When there is none that is said. */
+async function fetchDialog(url, closing = "[data-close]") {
   const got = await over(url), inside = parsed(got?.text ?? ""), found = got?.ok && inside.querySelector("dialog");
-  if (!found) {
-    if (got !== undefined) told(inside.querySelector("[data-message]")?.textContent.trim() || document.getElementById("message").dataset.network, "error");
-    return null;
-  }
-  const dialog = document.importNode(found, true), shut = open(dialog), close = () => { shut(); closed(); };
+  if (found) present(document.importNode(found, true), closing);
+  else if (got !== undefined) told(inside.querySelector("[data-message]")?.textContent.trim() || document.getElementById("message").dataset.network, "error");
+}
+
+/** Open `dialog` over the page until Escape or a click on `closing`. */
+export function present(dialog, closing, closed = () => {}) {
+  const shut = open(dialog), close = () => { shut(); closed(); };
   dialog.addEventListener("click", ({ target }) => { if (target.closest(closing)) close(); });
   dialog.addEventListener("keydown", ({ key }) => {
     if (key === "Escape" && !document.querySelector("#overlay [data-ask]") && !dialog.querySelector("[data-dirty]")) close();
   });
-  return { dialog, close };
 }

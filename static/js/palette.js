@@ -1,32 +1,28 @@
-// Search over everything: fetched when it is asked for. What is typed goes to the server by htmx; arrows choose, Enter goes there.
-// Both are about what was typed: until that is answered they wait, so that nobody is led to what an earlier letter found.
-import { fetchDialog } from "./commands.js";
+// Search over everything, and help: both open at once, so that a key is theirs and presses nothing behind them; what they say is fetched.
+// What is typed goes to the server by htmx; arrows choose, Enter goes there. Both are about what was typed: until that is answered they
+// wait, so that nobody is led to what an earlier letter found.
+import { present } from "./commands.js";
 const STEPS = ["Enter", "ArrowDown", "ArrowUp"];
-let shown = null;
+let shown = false;
 
-/** Show what `url` answers over the page, once; `typed` are the keys that were pressed before it came. */
-export async function show(url, typed = []) {
+/** Show the dialog `name` over the page, once. */
+export function show(name) {
   if (shown) return;
-  shown = {};
-  shown = await fetchDialog(url, "[data-close], a[href]", () => { shown = null; });
-  if (!shown) return;
-  if (typed.includes("Escape")) return void shown.close();
-  const { dialog } = shown, waiting = [], input = dialog.querySelector("input");
-  const go = () => { while (waiting.length && !behind(dialog)) act(waiting.shift(), dialog); };
+  shown = true;
+  const dialog = document.importNode(document.querySelector(`template[data-shows="${name}"]`).content, true).firstElementChild;
+  present(dialog, "[data-close], a[href]", () => { shown = false; });
+  if (!dialog.querySelector("input")) return;
+  const waiting = [], go = () => { while (waiting.length && !behind(dialog)) act(waiting.shift(), dialog); };
   dialog.addEventListener("keydown", (event) => { keys(event, dialog, waiting); });
   dialog.addEventListener("htmx:after:swap", go);
   for (const gone of ["htmx:response:error", "input"]) dialog.addEventListener(gone, () => { waiting.length = 0; });
-  if (!input || !typed.length) return;
-  for (const key of typed) input.value = key === "Backspace" ? input.value.slice(0, -1) : input.value + (key.length === 1 ? key : "");
-  input.dispatchEvent(new Event("input", { bubbles: true }));
-  waiting.push(...typed.filter((key) => STEPS.includes(key)));
-  go();
 }
+
+window.pogon.over = show; // within the very key press that asks for it
 
 /** What is found is not yet what was typed. */
 function behind(dialog) {
-  const found = dialog.querySelector("[data-q]");
-  return found !== null && found.dataset.q !== dialog.querySelector("input").value.trim();
+  return dialog.querySelector("[data-q]")?.dataset.q !== dialog.querySelector("input").value.trim();
 }
 
 function keys(event, dialog, waiting) {

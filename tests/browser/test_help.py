@@ -34,6 +34,7 @@ def test_help_opens_by_its_key_and_nothing_is_cut(sit: Sit, server: PogonServer,
         lay_out(page, width, height, profile)
         page.keyboard.press("F1")
         expect(page.locator(".help [data-close]")).to_be_focused()
+        expect(page.locator(".help .help-keys")).to_be_visible()
         found += [f"{lang} {size}: {one}" for one in page.evaluate(BOTH)]
         found += [f"{lang} {size}: Stop is covered" for _ in range(page.evaluate(COVERED))]
         page.keyboard.press("Escape")

@@ -36,7 +36,7 @@ def test_a_star_puts_a_page_into_the_menu_and_first_into_the_search_and_takes_it
     zoe.post("/favourites", at="/trends", on="1")
     page = zoe.get("/equipment/m2", fragment=False).text
     assert (pressed(page), in_menu(page)) == ("true", ["/equipment/m2", "/trends"])
-    assert [url for url, _ in hits(zoe.get("/palette").text)][:2] == ["/equipment/m2", "/trends"]
+    assert [url for url, _ in hits(zoe.get("/palette/found").text)][:2] == ["/equipment/m2", "/trends"]
     assert hits(zoe.get("/palette/found?q=fan").text)[0] == ("/equipment/m2", "Fan 2")
     answer = zoe.post("/favourites", at="/equipment/m2", on="")
     assert (pressed(answer.text), in_menu(answer.text)) == ("false", ["/trends"])
@@ -67,7 +67,7 @@ def test_only_a_page_that_one_may_see_can_be_marked(staff: Staff) -> None:
 
 def test_as_many_as_fit_a_menu(staff: Staff) -> None:
     eva = Operator(staff, "eva", ("operator", "engineer"))
-    urls = [url for url, _ in hits(eva.get("/palette").text) if url != "/"]
+    urls = [url for url, _ in hits(eva.get("/palette/found").text) if url != "/"]
     machine_pages = [f"/equipment/{one}/parameters" for one in ("m1", "m2", "c1", "cc1", "seq1", "cr1", "a1")]
     answers = [eva.post("/favourites", at=at, on="1") for at in dict.fromkeys(urls + machine_pages)]
     codes = [answer.status_code for answer in answers]

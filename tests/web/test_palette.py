@@ -113,7 +113,7 @@ def test_everything_that_can_be_found_is_there(staff: Staff) -> None:
 
 def test_a_hit_is_a_way_and_no_deed(staff: Staff) -> None:
     operator = Operator(staff, "ana", ("operator",))
-    dialog = operator.get("/palette").text
+    dialog = operator.get("/palette/found").text
     assert "<form" not in dialog
     assert hits(dialog)
     assert hits(operator.get("/palette/found?q=" + "x" * 500).text) == []
