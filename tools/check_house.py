@@ -29,7 +29,7 @@ LONGEST_LINE = 160
 """Of a template [characters]."""
 LONGEST_MODULE, LONGEST_CLASS = 600, 300
 """Of the house's Python [lines]: what is longer has more than one owner's work in it."""
-MOST_SCRIPT, LONGEST_SCRIPT = 3_716, 513
+MOST_SCRIPT, LONGEST_SCRIPT = 3_702, 513
 """Of the house's own scripts [lines], all together and each: htmx and the browser do the rest. Both only ever go down."""
 
 SQL = re.compile(

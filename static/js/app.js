@@ -57,13 +57,8 @@
   }
 
   // ---- message line ---------------------------------------------------------------------------------------------
-  const SYMBOLS = { error: "i-warn", done: "i-check", info: "i-info" };
-
   /** Say `text`, which may be nothing, in the message line; kind is error, done or info. */
   function say(text, kind = "info", time = document.querySelector("[data-clock]").textContent) {
-    const symbol = line.querySelector("use"), sprite = symbol.getAttribute("href").split("#")[0];
-    symbol.setAttribute("href", `${sprite}#${SYMBOLS[kind]}`);
-    line.querySelector("svg").toggleAttribute("hidden", !text);
     line.querySelector("time").textContent = text && time;
     line.querySelector("span").textContent = text;
     line.dataset.kind = kind;

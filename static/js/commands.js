@@ -406,33 +406,24 @@ function withdraw(machine) {
   for (const asked of document.querySelectorAll("[data-ask]")) if (machineOf(asked) === machine) asked.cancel?.();
 }
 
+/** Send the answer of a person. A dialog with fields (data-keep) stays with what was typed until it is accepted. */
 async function confirm(form, submitter) {
-  const asked = form.closest("[data-ask]");
-  const fields = Object.fromEntries(new FormData(form, submitter));
+  const asked = form.closest("[data-ask]"), keeps = "keep" in asked.dataset, send = form.querySelector(".danger, .edge");
+  const fields = Object.fromEntries(new FormData(form, submitter)), { field } = asked, asTyped = field?.elements.argument.value;
   delete fields.csrf;
-  const { field } = asked, asTyped = field?.elements.argument.value;
-  if (asked.dataset.keep !== undefined) return typed(asked, form, fields);
-  asked.cancel();
+  if (keeps && send.ariaDisabled === "true") return;
+  if (keeps) [send.ariaDisabled, fields.id] = ["true", identity()];
+  else asked.cancel();
   fields.nonce = await nonce();
   const got = await post(form.getAttribute("action"), fields);
+  if (keeps) send.ariaDisabled = null;
   if (field) return settle(field, got, asTyped);
-  if (got) current(asked, got, take(got, null));
-  else told(textsOf(asked).no_answer, "error");
-}
-
-/** A dialog with fields stays with what was typed until it is accepted. */
-async function typed(asked, form, fields) {
-  const submit = form.querySelector(".danger, .edge");
-  if (submit.getAttribute("aria-disabled") === "true") return;
-  submit.setAttribute("aria-disabled", "true");
-  const got = await post(form.getAttribute("action"), { ...fields, id: identity(), nonce: await nonce() });
-  submit.removeAttribute("aria-disabled");
   if (!got) {
-    asked.querySelector("[data-hint]").textContent = textsOf(asked).no_answer;
+    hint(asked, textsOf(asked).no_answer);
     return told(textsOf(asked).no_answer, "error");
   }
-  if (got.ok) asked.cancel();
-  current(asked, got, take(got, asked));
+  if (keeps && got.ok) asked.cancel();
+  current(asked, got, take(got, keeps ? asked : null));
 }
 
 document.addEventListener("keydown", (event) => {
