@@ -64,3 +64,28 @@ def test_tests_of_a_file_with_orders_are_refused_not_left_out(tmp_path: Path) ->
 
 def test_names_with_a_machine_are_of_the_plant() -> None:
     assert (own(["a", "m1.a"]), others(["a", "m1.a"])) == (["a"], ["m1.a"])
+
+
+FEEDS = FEED.replace(
+    'machine = "c1"\naction = "start"\n', 'machine = "c1"\naction = "feed"\nvalues = { products = N }\n'
+)
+NUMBER = '[[recipe]]\nkey = "n"\nlabel = "n"\nminimum = 1\nmaximum = {most}\ndefault = 2\ndecimals = {decimals}\n'
+
+
+@pytest.mark.parametrize(
+    ("given", "decimals", "most", "told"),
+    [
+        ("3", 0, 9, ""),
+        ("0", 0, 9, "a number from 1 to 10000 for c1"),
+        ("2.5", 0, 9, "a whole number"),
+        ('"recipe.n"', 0, 9, ""),
+        ('"recipe.n"', 1, 9, "in whole numbers, with decimals = 0"),
+        ('"recipe.n"', 0, 20000, "a number from 1 to 10000 for c1"),
+    ],
+)
+def test_a_value_that_an_action_reads_itself_is_a_number_or_one_of_the_run(
+    tmp_path: Path, given: str, decimals: int, most: int, told: str
+) -> None:
+    work = FEEDS.replace("= N", f"= {given}") + NUMBER.format(decimals=decimals, most=most)
+    found = problems(tmp_path, work)
+    assert len(found) == bool(told) and told in "".join(found), found

@@ -1,6 +1,8 @@
 """A sequence has a conveyor feed so many products to the end, or one to a sensor; then it stops, and what was read decides it all."""
 
 import asyncio
+import random
+from contextlib import AsyncExitStack
 from pathlib import Path
 
 import pytest
@@ -259,3 +261,70 @@ async def test_over_a_wire_it_is_the_same(tmp_path: Path, transport: str) -> Non
             assert away_line.tracking.unloaded == 2 and not away_line.moving
             await plant.until(lambda: plant.state is SequenceState.DONE, 600)
             assert not away_line.moving and given(plant)[-2:] == ["start_automatic", "stop"]
+
+
+@pytest.mark.parametrize(
+    ("seed", "transport"), [*((seed, "memory") for seed in range(6)), (6, "tcp"), (7, "rtu"), (8, "tcp"), (9, "rtu")]
+)
+async def test_whatever_happens_it_never_says_that_it_fed_what_it_did_not_and_no_line_is_left_running(
+    tmp_path: Path, seed: int, transport: str
+) -> None:
+    """Suspended, resumed, aborted, the cable pulled, the emergency stop pressed, products taken off, at random times."""
+    story = random.Random(seed)
+    head = '[plant]\nname = "Yard"\ntimezone = "UTC"\n'
+    work = feeding("c1.feed(products = 2)", "c1.feed_to_2", "c1.feed(products = 1)", maximum=240)
+    wired = transport != "memory"
+    section = LINE.replace('"all"', '"far"') if wired else LINE
+    async with AsyncExitStack() as stack:
+        link, sim = (
+            await stack.enter_async_context(far(tmp_path / "far", transport, head, section)) if wired else ("", None)
+        )
+        plant = await stack.enter_async_context(hall(tmp_path, work, LINKS + link + section + SEQUENCE))
+        device = sim.devices["c1"] if sim else line(plant)
+        assert isinstance(device, VirtualConveyor)
+        await plant.started()
+        wanted, entered = {2: 2, 4: 1}, dict[int, int]()
+        step_before, after = 1, 0
+        happens = asyncio.get_running_loop().time() + story.uniform(3, 40)
+        end = asyncio.get_running_loop().time() + 900
+        while plant.state in (SequenceState.RUNNING, SequenceState.SUSPENDED):
+            now = asyncio.get_running_loop().time()
+            assert now < end, plant.state
+            if plant.device.block.step != step_before:
+                if step_before in wanted:
+                    fed = device.tracking.unloaded - entered[step_before]
+                    assert fed >= wanted[step_before], "it says that it has"
+                    assert not device.moving and not device.modes.running, "and it stands"
+                step_before = plant.device.block.step
+                entered[step_before] = device.tracking.unloaded
+            if now > happens:
+                happens, after = now + story.uniform(0.2, 40), after + 1
+                match story.choice(("suspend", "resume", "resume", "cable", "take", "stop" if after > 4 else "resume")):
+                    case "suspend":
+                        plant.ask(2)
+                    case "resume":
+                        plant.ask(3)
+                    case "cable":
+                        device.write(6, REG_LINE_FAULT, [1])
+                        await asyncio.sleep(story.uniform(0.2, 6))
+                        device.write(6, REG_LINE_FAULT, [0])
+                    case "take":
+                        device.write(16, 0xE025, [1])
+                    case "stop":
+                        if story.random() < 0.5:
+                            plant.ask(4)
+                        else:
+                            device.write(6, REG_MACHINE_FAULT, [50])
+            await asyncio.sleep(0.05)
+        if plant.state is SequenceState.DONE:
+            assert device.tracking.unloaded - entered[4] >= 1
+        await asyncio.sleep(30)
+        assert not device.moving and not device.modes.running, (plant.state, plant.failure)
+
+
+async def test_the_number_of_products_is_a_value_of_the_run(tmp_path: Path) -> None:
+    recipe = '[[recipe]]\nkey = "n"\nlabel = "n"\nminimum = 1\nmaximum = 9\ndefault = 1\ndecimals = 0\n'
+    async with hall(tmp_path, feeding('c1.feed(products = "recipe.n")') + recipe, PLANT) as plant:
+        await plant.started(2)
+        await plant.until(lambda: plant.state is SequenceState.DONE, 600)
+        assert line(plant).tracking.unloaded == 2
