@@ -187,6 +187,8 @@ class Machines:
             if blamed and found.low is not None and found.high is not None and found.low >= found.high:
                 ends = said("mistake.less_than", order="low < high", low=f"{found.low:g}", high=f"{found.high:g}")
                 table.note(f"points.{key}.{blamed}", given[blamed], ends)
+            elif wrong := next(_unbounded(point, found), ""):
+                table.note("", item.id, wrong)
             yield found
 
 
@@ -217,6 +219,23 @@ def _cells(columns: Mapping[str, PointData], map: TableMap, slots: int, item: Eq
             key, id = plc.cell_key(map.key, slot, point.key), f"{former}.{plc.cell_key(map.key, slot, point.id)}"
             name = f"{item.id}.{key}"
             yield replace(point, name=name, id=id, equipment=item.id, key=key, register=register, row=slot - 1)
+
+
+def _unbounded(data: PointData, point: Point) -> Iterator[str]:
+    """What was expected of the options of a machine with which a limit of `point` comes to nothing, or is beyond the other one."""
+    for name in ("low", "high", "scale_low", "scale_high"):
+        if name in data.bounds and getattr(point, name) is None:
+            yield said("mistake.bound_known", key=name, point=point.key, text=data.bounds[name])
+    pairs = (
+        ("low", "high", "<=", point.low, point.high),
+        ("scale_low", "scale_high", "<", point.scale_low, point.scale_high),
+    )
+    for first, second, sign, low, high in pairs:
+        if low is None or high is None or not {first, second} & set(data.bounds):
+            continue
+        if low > high or (low == high and sign == "<"):
+            order, ends = f"{first} {sign} {second}", {"low": f"{low:g}", "high": f"{high:g}"}
+            yield said("mistake.bounds_of", order=order, point=point.key, **ends)
 
 
 def _bounded(data: PointData, options: Mapping[str, object]) -> Point:

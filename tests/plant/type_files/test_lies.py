@@ -192,3 +192,19 @@ def test_a_text_that_names_a_number_which_nobody_gives(tmp_path: Path) -> None:
     assert told(tmp_path, device=device, texts_en=texts) == [("texts.en.toml", "missing.need.empty", expected)]
     given = device.replace('"weight < 5"', '"weight < 5"\nvalues = { weight = "weight" }')
     assert told(tmp_path / "two", device=given, texts_en=texts) == []
+
+
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        ('low = "a"\nhigh = "a - 1"\n', "options with which x has low <= high: they make 5 and 4 of it"),
+        (
+            'scale_low = "a"\nscale_high = "a"\n',
+            "options with which x has scale_low < scale_high: they make 5 and 5 of it",
+        ),
+        ('high = "1 / (a - 5)"\n', "options with which high of x is a number: 1 / (a - 5)"),
+    ],
+)
+def test_limits_that_the_options_of_a_machine_turn_round(tmp_path: Path, row: str, expected: str) -> None:
+    device = FILES["device"] + "[options.a]\ndefault = 5\nlow = 1\nhigh = 9\n"
+    assert told(tmp_path, device=device, points=POINTS + X + row) == [("plant.toml", "equipment.w1", expected)]
