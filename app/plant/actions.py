@@ -14,9 +14,9 @@
 
     [actions.orders.feed]                               one that ends with a stop of its own
     label = "order.feed"                                text key; else it is called as its commands are
-    arguments = [{ name = "products", type = "u32", low = 1, high = 1000 }]     values that a step gives and its sentences read
+    arguments = [{ name = "count", type = "u32", low = 1, high = 1000 }]        values that a step gives and its sentences read
     commands = [{ command = "start" }]
-    done = "out - before.out >= products"               `before.out` is what the point `out` said before the first command
+    done = "out - before.out >= count"                  `before.out` is what the point `out` said before the first command
     failed = "running == 0"
     then = "stop"                                       given when it is done, and confirmed before it counts as done
     [actions.orders.feed.needs.counter]                 as a permissive: else it is refused and says why

@@ -66,9 +66,7 @@ def test_names_with_a_machine_are_of_the_plant() -> None:
     assert (own(["a", "m1.a"]), others(["a", "m1.a"])) == (["a"], ["m1.a"])
 
 
-FEEDS = FEED.replace(
-    'machine = "c1"\naction = "start"\n', 'machine = "c1"\naction = "feed"\nvalues = { products = N }\n'
-)
+FEEDS = FEED.replace('machine = "c1"\naction = "start"\n', 'machine = "c1"\naction = "feed"\nvalues = { count = N }\n')
 NUMBER = '[[recipe]]\nkey = "n"\nlabel = "n"\nminimum = 1\nmaximum = {most}\ndefault = 2\ndecimals = {decimals}\n'
 
 

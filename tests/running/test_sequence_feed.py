@@ -37,7 +37,7 @@ def given(plant: Hall) -> list[str]:
 
 
 async def test_so_many_products_leave_and_then_the_line_stands(tmp_path: Path) -> None:
-    async with hall(tmp_path, feeding("c1.feed(products = 3)"), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 3)"), PLANT) as plant:
         await plant.started()
         await plant.until(lambda: plant.state is SequenceState.DONE, 600)
         assert line(plant).tracking.unloaded == 3
@@ -48,7 +48,7 @@ async def test_so_many_products_leave_and_then_the_line_stands(tmp_path: Path) -
 
 
 async def test_it_counts_from_when_it_was_given_and_a_second_time_anew(tmp_path: Path) -> None:
-    async with hall(tmp_path, feeding("c1.feed(products = 2)", "c1.feed(products = 1)"), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 2)", "c1.feed(count = 1)"), PLANT) as plant:
         await plant.started()
         await plant.until(lambda: plant.device.block.step == 3, 600)
         assert line(plant).tracking.unloaded == 2
@@ -57,7 +57,7 @@ async def test_it_counts_from_when_it_was_given_and_a_second_time_anew(tmp_path:
 
 
 async def test_suspended_the_line_stands_and_resumed_it_feeds_the_rest(tmp_path: Path) -> None:
-    async with hall(tmp_path, feeding("c1.feed(products = 3)"), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 3)"), PLANT) as plant:
         await plant.started()
         await plant.until(lambda: line(plant).tracking.unloaded == 2, 600)
         plant.ask(2)
@@ -71,7 +71,7 @@ async def test_suspended_the_line_stands_and_resumed_it_feeds_the_rest(tmp_path:
 
 
 async def test_suspended_while_it_stops_by_itself_it_is_not_started_again(tmp_path: Path) -> None:
-    async with hall(tmp_path, feeding("c1.feed(products = 1)"), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 1)"), PLANT) as plant:
         await plant.started()
         gate = plant.runtime.gate
         await plant.until(lambda: gate and (now := gate.progress("c1")) and now.command == "stop" and not now.over, 600)
@@ -84,7 +84,7 @@ async def test_suspended_while_it_stops_by_itself_it_is_not_started_again(tmp_pa
 
 
 async def test_a_line_that_has_fed_is_not_started_again_by_a_later_resume(tmp_path: Path) -> None:
-    work = feeding("c1.feed(products = 1)") + step("wait", minimum=60)
+    work = feeding("c1.feed(count = 1)") + step("wait", minimum=60)
     async with hall(tmp_path, work, PLANT) as plant:
         await plant.started()
         await plant.until(lambda: plant.device.block.step == 3, 600)
@@ -96,7 +96,7 @@ async def test_a_line_that_has_fed_is_not_started_again_by_a_later_resume(tmp_pa
 
 
 async def test_an_abort_in_the_middle_stops_the_line(tmp_path: Path) -> None:
-    async with hall(tmp_path, feeding("c1.feed(products = 3)"), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 3)"), PLANT) as plant:
         await plant.started()
         await plant.until(lambda: line(plant).tracking.unloaded == 1, 600)
         plant.ask(4)
@@ -106,7 +106,7 @@ async def test_an_abort_in_the_middle_stops_the_line(tmp_path: Path) -> None:
 
 
 async def test_without_products_the_greatest_time_of_the_step_ends_it_and_the_line_stands(tmp_path: Path) -> None:
-    work = feeding("c1.feed(products = 1)", maximum=40)
+    work = feeding("c1.feed(count = 1)", maximum=40)
     async with hall(tmp_path, work, PLANT.replace("arrivals = 1", "arrivals = 0")) as plant:
         await plant.started()
         await plant.until(lambda: plant.value("c1.automatic") == 1)
@@ -116,7 +116,7 @@ async def test_without_products_the_greatest_time_of_the_step_ends_it_and_the_li
 
 async def test_a_product_that_was_not_there_to_be_taken_is_not_counted(tmp_path: Path) -> None:
     """For one scan the counter says that it was discharged; then the PLC finds nothing and takes it back."""
-    async with hall(tmp_path, feeding("c1.feed(products = 1)"), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 1)"), PLANT) as plant:
         await plant.started()
         await plant.until(lambda: plant.value("c1.area_4") == 1, 600)
         line(plant).write(16, 0xE025, [1])
@@ -125,7 +125,7 @@ async def test_a_product_that_was_not_there_to_be_taken_is_not_counted(tmp_path:
 
 
 async def test_a_counter_that_is_right_for_one_reading_alone_ends_nothing(tmp_path: Path) -> None:
-    async with hall(tmp_path, feeding("c1.feed(products = 5)"), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 5)"), PLANT) as plant:
         await plant.started()
         await plant.until(lambda: line(plant).tracking.unloaded == 1, 600)
         line(plant).tracking.unloaded = 5
@@ -136,7 +136,7 @@ async def test_a_counter_that_is_right_for_one_reading_alone_ends_nothing(tmp_pa
 
 
 async def test_what_stops_the_line_otherwise_ends_the_order_with_its_reason(tmp_path: Path) -> None:
-    async with hall(tmp_path, feeding("c1.feed(products = 3)"), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 3)"), PLANT) as plant:
         await plant.started()
         await plant.until(lambda: line(plant).tracking.unloaded == 1, 600)
         line(plant).write(6, REG_MACHINE_FAULT, [50])
@@ -148,7 +148,7 @@ async def test_what_stops_the_line_otherwise_ends_the_order_with_its_reason(tmp_
 
 async def test_a_counter_that_goes_back_ends_it(tmp_path: Path) -> None:
     """The PLC was loaded anew: what it counts now says nothing of this order."""
-    async with hall(tmp_path, feeding("c1.feed(products = 1)", "c1.feed(products = 3)"), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 1)", "c1.feed(count = 3)"), PLANT) as plant:
         await plant.started()
         await plant.until(lambda: plant.device.block.step == 3 and plant.value("c1.automatic") == 1, 600)
         line(plant).tracking.unloaded = 0
@@ -158,7 +158,7 @@ async def test_a_counter_that_goes_back_ends_it(tmp_path: Path) -> None:
 
 
 async def test_a_person_who_stops_the_line_ends_the_run(tmp_path: Path) -> None:
-    async with hall(tmp_path, feeding("c1.feed(products = 3)"), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 3)"), PLANT) as plant:
         await plant.started()
         await plant.until(lambda: line(plant).tracking.unloaded == 1, 600)
         await by_ana(plant, "c1", "stop")
@@ -174,8 +174,8 @@ async def test_a_person_who_stops_the_line_ends_the_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("before", "order", "prepare", "reason", "label"),
     [
-        ("", "c1.feed(products = 1)", "", "why.condition", "missing.permissive.automatic"),
-        ("c1.start", "c1.feed(products = 1)", "", "why.condition", "missing.permissive.standstill"),
+        ("", "c1.feed(count = 1)", "", "why.condition", "missing.permissive.automatic"),
+        ("c1.start", "c1.feed(count = 1)", "", "why.condition", "missing.permissive.standstill"),
         ("", "c1.feed_to_2", "fault", "why.condition", "missing.need.sensor_2"),
         ("", "c1.feed_to_2", "fast", "why.condition", "missing.need.slow_enough"),
     ],
@@ -210,7 +210,7 @@ async def test_a_product_is_fed_to_a_sensor_and_the_next_one_is_another(tmp_path
 
 
 async def test_while_the_link_is_lost_nothing_is_believed_and_it_ends_by_what_is_read_again(tmp_path: Path) -> None:
-    async with hall(tmp_path, feeding("c1.feed(products = 2)"), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 2)"), PLANT) as plant:
         await plant.started()
         await plant.until(lambda: line(plant).tracking.unloaded == 1, 600)
         line(plant).write(6, REG_LINE_FAULT, [1])
@@ -224,7 +224,7 @@ async def test_while_the_link_is_lost_nothing_is_believed_and_it_ends_by_what_is
 async def test_a_link_that_is_lost_for_longer_than_the_step_may_take_times_it_out_and_the_stop_is_repeated(
     tmp_path: Path,
 ) -> None:
-    async with hall(tmp_path, feeding("c1.feed(products = 5)", maximum=60), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 5)", maximum=60), PLANT) as plant:
         await plant.started()
         await plant.until(lambda: given(plant)[-1:] == ["start_automatic"])
         line(plant).write(6, REG_LINE_FAULT, [1])
@@ -234,7 +234,7 @@ async def test_a_link_that_is_lost_for_longer_than_the_step_may_take_times_it_ou
 
 
 async def test_a_stop_that_nobody_confirms_is_no_end(tmp_path: Path) -> None:
-    async with hall(tmp_path, feeding("c1.feed(products = 1)"), PLANT) as plant:
+    async with hall(tmp_path, feeding("c1.feed(count = 1)"), PLANT) as plant:
         await plant.started()
         gate = plant.runtime.gate
         await plant.until(lambda: gate and (now := gate.progress("c1")) and now.command == "stop", 600)
@@ -248,7 +248,7 @@ async def test_over_a_wire_it_is_the_same(tmp_path: Path, transport: str) -> Non
     away = LINE.replace('"all"', '"far"')
     head = '[plant]\nname = "Yard"\ntimezone = "UTC"\n'
     async with far(tmp_path / "far", transport, head, away) as (link, sim):
-        work = feeding("c1.feed(products = 2)", "c1.feed_to_2")
+        work = feeding("c1.feed(count = 2)", "c1.feed_to_2")
         async with hall(tmp_path, work, LINKS + link + away + SEQUENCE) as plant:
             away_line = sim.devices["c1"]
             assert isinstance(away_line, VirtualConveyor)
@@ -272,7 +272,7 @@ async def test_whatever_happens_it_never_says_that_it_fed_what_it_did_not_and_no
     """Suspended, resumed, aborted, the cable pulled, the emergency stop pressed, products taken off, at random times."""
     story = random.Random(seed)
     head = '[plant]\nname = "Yard"\ntimezone = "UTC"\n'
-    work = feeding("c1.feed(products = 2)", "c1.feed_to_2", "c1.feed(products = 1)", maximum=240)
+    work = feeding("c1.feed(count = 2)", "c1.feed_to_2", "c1.feed(count = 1)", maximum=240)
     wired = transport != "memory"
     section = LINE.replace('"all"', '"far"') if wired else LINE
     async with AsyncExitStack() as stack:
@@ -324,7 +324,7 @@ async def test_whatever_happens_it_never_says_that_it_fed_what_it_did_not_and_no
 
 async def test_the_number_of_products_is_a_value_of_the_run(tmp_path: Path) -> None:
     recipe = '[[recipe]]\nkey = "n"\nlabel = "n"\nminimum = 1\nmaximum = 9\ndefault = 1\ndecimals = 0\n'
-    async with hall(tmp_path, feeding('c1.feed(products = "recipe.n")') + recipe, PLANT) as plant:
+    async with hall(tmp_path, feeding('c1.feed(count = "recipe.n")') + recipe, PLANT) as plant:
         await plant.started(2)
         await plant.until(lambda: plant.state is SequenceState.DONE, 600)
         assert line(plant).tracking.unloaded == 2

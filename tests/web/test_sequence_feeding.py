@@ -38,10 +38,10 @@ def test_the_editor_offers_it_in_words(staff: Staff, language: str) -> None:
 def test_its_number_of_products_is_asked_and_checked(staff: Staff) -> None:
     window = Window(staff, "2")
     wrong = window.send("fields", orders__0__action="feed").text
-    assert "orders.0.values.products" in wrong and "No mistakes." not in wrong
-    assert "number from 1 to 10000" in Window(staff, "2").send("fields", orders__0__values__products="0").text
-    assert "a whole number" in Window(staff, "2").send("fields", orders__0__values__products="1.5").text
-    assert "No mistakes." in Window(staff, "2").send("fields", orders__0__values__products="3").text
+    assert "orders.0.values.count" in wrong and "No mistakes." not in wrong
+    assert "number from 1 to 10000" in Window(staff, "2").send("fields", orders__0__values__count="0").text
+    assert "a whole number" in Window(staff, "2").send("fields", orders__0__values__count="1.5").text
+    assert "No mistakes." in Window(staff, "2").send("fields", orders__0__values__count="3").text
     assert "action = &#34;feed&#34;" in text_of(Window(staff, "2").page)
 
 
@@ -49,18 +49,16 @@ def test_a_trial_that_is_refused_says_what_is_missing(staff: Staff) -> None:
     """The line is never put into automatic."""
     Window(staff, "1").send("do", do="remove_order:1")
     Window(staff, "2").send("fields", orders__0__action="feed")
-    Window(staff, "2").send("fields", orders__0__values__products="2")
+    Window(staff, "2").send("fields", orders__0__values__count="2")
     assert staff.post(f"{URL}/try").status_code == 303
     assert until(lambda: "was not carried out" in staff.client.get(f"{URL}/try").text, 60)
     told = staff.client.get(f"{URL}/try").text
-    assert "Order c1.feed(products = 2) was not carried out: Not in automatic mode: select automatic first" in told, (
-        told
-    )
+    assert "Order c1.feed(count = 2) was not carried out: Not in automatic mode: select automatic first" in told, told
 
 
 def test_its_page_says_what_a_step_orders(start: Start, folder) -> None:  # type: ignore[no-untyped-def]
     file = folder / "sequences" / "feed.toml"
-    text = file.read_text("utf-8").replace('action = "start"\n', 'action = "feed"\nvalues = { products = 2 }\n')
+    text = file.read_text("utf-8").replace('action = "start"\n', 'action = "feed"\nvalues = { count = 2 }\n')
     file.write_text(text, "utf-8")
     people = Staff(start(plant=folder))
     people.enter("ivana", "engineer")

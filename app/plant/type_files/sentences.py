@@ -55,6 +55,8 @@ def check_expression(
     except ConfigurationError as error:
         table.note(key, text, error.args[0])
         return
+    for name in sorted(parsed.names & set(given or ()) & set(points)):
+        table.note(key, text, said("mistake.both_named", name=name))
     for name in sorted(parsed.names - set(given or ())):
         if (name.removeprefix(BEFORE) if given is not None else name) in points:
             continue

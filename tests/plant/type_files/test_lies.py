@@ -208,3 +208,13 @@ def test_a_text_that_names_a_number_which_nobody_gives(tmp_path: Path) -> None:
 def test_limits_that_the_options_of_a_machine_turn_round(tmp_path: Path, row: str, expected: str) -> None:
     device = FILES["device"] + "[options.a]\ndefault = 5\nlow = 1\nhigh = 9\n"
     assert told(tmp_path, device=device, points=POINTS + X + row) == [("plant.toml", "equipment.w1", expected)]
+
+
+def test_a_value_of_an_action_that_hides_a_point(tmp_path: Path) -> None:
+    device = FILES["device"] + DOSE.replace('name = "amount"', 'name = "run", label = "type"').replace(
+        ">= amount", ">= run"
+    )
+    found = told(tmp_path, device=device)
+    assert found == [
+        ("device.toml", "actions.orders.dose.done", "a name of one thing: run is a value of the action and a point")
+    ]
