@@ -5,6 +5,7 @@ Each question is a telegram of its own in the schedule, so a write never waits f
 
 import asyncio
 import logging
+from dataclasses import replace
 
 from app.errors import GATEWAY, BadAnswer, DeviceException, LinkError, NoAnswer
 from app.links.bus_access import BusAccess
@@ -19,6 +20,8 @@ NO_REGISTER = (2, 3)
 """Refusals that may be about the registers, or about how many there are."""
 SILENT = 2
 """Requests without a right answer that count as a refusal, where silence is examined."""
+WITNESSES = 3
+"""Registers of a unit that never answered one that are asked for before it counts as silent."""
 FIRST_LOOK, LAST_LOOK = 1.0, 60.0
 """Pauses between two looks at a refused register [s], doubling."""
 KNOWN_LOOK = 1.4
@@ -43,9 +46,7 @@ class Examiner:
             return
         self._bus.drop(block)
         try:
-            await self._bus.read(station, Block(block.block.address, 1, block.block.function))
-        except DeviceException:
-            pass
+            await self._hear(station)
         except LinkError:
             self._bus.later(station, error)
             return
@@ -170,7 +171,7 @@ class Examiner:
         """
         for _ in range(SILENT):
             try:
-                await self._bus.read(station, block)
+                await self._bus.read(station, replace(block, again=True))  # whether it answers, whatever it says
                 finding.taken = max(finding.taken, block.count)
                 return 0
             except DeviceException as error:
@@ -189,12 +190,18 @@ class Examiner:
         Raises:
             LinkError: it does not.
         """
-        known = station.probe() if station.largest is None else station.largest
-        try:
-            await self._bus.read(station, Block(known.address, 1, known.function))
-        except DeviceException as error:
-            if error.code in GATEWAY:
-                raise NoAnswer(str(error)) from error
+        silence = NoAnswer(f"unit {station.number}: nothing is read")
+        for turn in range(min(WITNESSES, len(station.blocks)) if station.largest is None else 1):
+            try:
+                await self._bus.read(station, replace(station.probe(turn), again=True))
+                return
+            except DeviceException as error:
+                if error.code not in GATEWAY:
+                    return
+                silence = NoAnswer(str(error))
+            except (NoAnswer, BadAnswer) as error:
+                silence = NoAnswer(str(error))
+        raise silence
 
     def start_recheck(self, station: Station) -> None:
         """Look now and then whether it takes after all what it refuses."""

@@ -199,7 +199,7 @@ class Outages(Line):
             started = self._now()
             tries += 1
             # its words are not looked at: an older answer shows as well that it is there
-            job = self.job(station.number, replace(station.probe(), again=True))
+            job = self.job(station.number, replace(station.probe(tries - 1), again=True))
             if known and tries % FULL_PATIENCE and not self._all_silent:
                 job.timeout = min(job.timeout, patience)
             try:

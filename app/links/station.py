@@ -134,10 +134,13 @@ class Station:
             if block.block.function == function and block.block.address <= last and first <= block.block.last
         ]
 
-    def probe(self) -> Block:
-        """One register that the device answers: of the fastest block, else the first of its map."""
-        for block in self.blocks:
-            return Block(block.block.address, 1, block.block.function)
+    def probe(self, turn: int = 0) -> Block:
+        """One register that the device answered, or should: each `turn` of another block, the fastest first, else the first of its map."""
+        known = self.largest
+        if known is None and self.blocks:
+            known = self.blocks[turn % len(self.blocks)].block
+        if known is not None:
+            return Block(known.address, 1, known.function)
         for point in self.unreadable:
             if point.register is not None:
                 return Block(point.register.address, 1, FUNCTIONS[point.register.table])

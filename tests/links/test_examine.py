@@ -2,11 +2,12 @@
 
 import asyncio
 import logging
+from dataclasses import replace
 
 import pytest
 
 from app.links.statistics import LinkState
-from app.plant.definitions import Device
+from app.plant.definitions import Device, Link
 from app.registers.register import Type
 from app.sim.bus import Bus, LineFaultMode
 from app.tags.quality import (
@@ -191,6 +192,24 @@ async def test_a_value_as_long_as_the_most_that_a_device_takes_is_read() -> None
     async with running([machine("m", 1, points, QUICK)], exchange=on_bus(Bus({1: device}))) as line:
         await until(lambda: all(is_good(line.quality(one.name)) for one in points), 5.0)
         assert line.value("m.wide") == 0x000A_000B_000C_000D
+
+
+@pytest.mark.parametrize("fallback", [0, 9])
+async def test_a_unit_that_is_silent_for_the_first_of_its_registers_is_read(fallback: int) -> None:
+    """Whether it is there was asked with that register alone."""
+    device = RegisterDevice({n: n for n in (*range(10), *range(500, 510))})
+    bus = Bus({1: device})
+
+    async def exchange(unit: int, pdu: bytes) -> bytes | None:
+        return None if pdu[1:3] == b"\0\0" else await on_bus(bus)(unit, pdu)
+
+    points = [point("m", f"v{n}", n) for n in (*range(10), *range(500, 510))]
+    device_data = replace(QUICK, fallback_read=fallback)
+    async with running([machine("m", 1, points, device_data)], exchange=exchange, link=Link("hall", "memory")) as line:
+        await until(lambda: all(is_good(line.quality(one.name)) for one in points[1:]), 10.0)
+        await asyncio.sleep(10)
+        assert all(is_good(line.quality(one.name)) for one in points[1:])
+        assert line.quality("m.v0") == NOT_CONNECTED | SIMULATED
 
 
 async def test_a_unit_that_falls_silent_while_it_is_examined_is_silent() -> None:
