@@ -101,8 +101,10 @@ class RecordWords:
             case Type.NAME:
                 return self.label(definition.labels.get(str(value), {})) or str(value or "")
             case Type.PART:
-                label = self.label(definition.part(int(value or 0)))
-                return f"{value} {label}".strip() if value else ""
+                if not value:
+                    return ""
+                named = self.part_names(one.equipment).get(f"{value:.0f}", "") if isinstance(value, int | float) else ""
+                return named or f"{value} {self.label(definition.part(int(value)))}".strip()
             case Type.TIME:
                 return self.moment(value) if isinstance(value, int) else ""
             case Type.IDENTITY:

@@ -66,6 +66,13 @@ def test_it_is_exactly_ten_with_every_step_in_every_language(staff: Staff, langu
     assert sum(bool(re.match(r"S\d{3} ", name)) for name in lines) == len([step for step in Step if step >= 100])
 
 
+def test_the_last_step_of_each_is_told_by_its_name(staff: Staff) -> None:
+    _, lines = table(staff, language="de")
+    assert {cell for cell, number in zip(lines["Letzter Schritt"], NEWEST, strict=True) if number != ABORTED} == {
+        "S423 Hubwerk auf sichere Fahrhöhe heben"
+    }
+
+
 def test_path_times_sway_and_faults_of_each_are_those_that_were_told(staff: Staff) -> None:
     _, lines = table(staff)
     whole = [number != ABORTED for number in NEWEST]
