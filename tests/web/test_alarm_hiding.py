@@ -157,6 +157,7 @@ def test_nothing_that_the_disk_did_not_take_is_told_as_done_without_a_word(
         assert words in unescape(hall.acknowledge(occurrence).text), "a second press is told the same"
     monkeypatch.undo()
     assert "Shelved: " in (answer := unescape(ask(hall, "shelve").text)) and "Not stored" not in answer
+    assert "Unshelved: " in unescape(ask(hall, "unshelve").text)
     assert hall.staff.wait(hall.engine.journal.verify).ok
 
 
