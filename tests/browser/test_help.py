@@ -1,5 +1,6 @@
 """F1 on any page: help over it, nothing cut, Escape leads back to where one was."""
 
+import re
 from collections.abc import Iterator
 
 import pytest
@@ -64,8 +65,12 @@ def test_paper_has_what_is_read_and_nothing_that_is_pressed(sit: Sit) -> None:
     page.emulate_media(media="print")
     expect(page.locator("h1")).to_be_visible()
     expect(page.locator(".m-vals, main table").first).to_be_visible()
-    for gone in (".tabs", ".zone", ".banner", ".head-r", ".foot"):
+    for gone in (".tabs", ".zone", ".banner", ".foot"):
         expect(page.locator(gone)).to_be_hidden()
+    for left in page.locator(".head-r > *").all():
+        clock = "clock" in (left.get_attribute("class") or "").split()
+        expect(left).to_be_visible() if clock else expect(left).to_be_hidden()
+    expect(page.locator(".head-r > .clock")).to_contain_text(re.compile(r"\d\d:\d\d:\d\d.*20\d\d", re.DOTALL))
     assert page.evaluate("getComputedStyle(document.querySelector('main')).overflowY") == "visible"
     page.locator("html").evaluate("(html) => { html.dataset.theme = 'dark'; }")
     assert page.evaluate("getComputedStyle(document.querySelector('h1')).color") == "rgb(20, 20, 20)", "no white ink"

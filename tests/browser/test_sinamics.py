@@ -127,7 +127,7 @@ def test_parameters_behind_the_mailbox_come_in_without_the_page_being_loaded_aga
     expect(row).to_have_text("not read")
     page.evaluate("window.stayed = true")
     page.locator(".dp-read button").click()
-    expect(row).to_have_text(re.compile(r"^\s*\d+\ss\s*$"), timeout=20_000)
+    expect(row).to_have_text(re.compile(r"^\s*\d+\ss\s*\d\d:\d\d:\d\d\s*$"), timeout=20_000)
     expect(page.locator(".dp-read progress")).to_have_count(0)
     assert page.evaluate("window.stayed") is True and page.locator("tr[data-code]").count() > 5
 
@@ -150,7 +150,7 @@ def test_a_search_that_is_answered_late_does_not_take_the_reading_away(sit: Sit)
         held[0].fulfill(response=answer)
     page.unroute_all()
     expect(page.locator(".dp-read progress")).to_have_count(0, timeout=60_000)
-    expect(row).to_have_text(re.compile(r"^\s*\d+\ss\s*$"))
+    expect(row).to_have_text(re.compile(r"^\s*\d+\ss\s*\d\d:\d\d:\d\d\s*$"))
 
 
 def test_the_fault_buffer_is_read_on_a_press_and_by_itself_when_a_fault_comes(sit: Sit) -> None:

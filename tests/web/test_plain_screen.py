@@ -88,6 +88,7 @@ def test_a_command_that_stands_aside_is_with_all_values_and_nowhere_else(people:
     for name in ("m1.set_ao1", "m1.output_1_on", "m1.relay_off"):
         assert f'data-part="{name}"' in values, name
         assert f'data-part="{name}"' not in page + face, name
+    assert "F431 = 7" not in page + face, "nor is what it needs"
     assert 'data-part="m1.forward"' in values and 'data-part="m1.forward"' in page
     drawn = people.client.get("/equipment/m1/commands")
     assert drawn.status_code == 200 and 'data-part="m1.relay_off"' in drawn.text, "what is drawn anew has it, too"
