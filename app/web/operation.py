@@ -268,7 +268,9 @@ class Operation:
     @cached_property
     def situation(self) -> list[ConditionLine]:
         """What single commands need of what the machine is doing; not to be met is normal, so each is named by what it asks for."""
-        shown = {k for k, button in self.buttons.items() if not (button.hidden or button.view.hold or button.view.aside)}
+        shown = {
+            k for k, button in self.buttons.items() if not (button.hidden or button.view.hold or button.view.aside)
+        }
         found = (
             line
             for line in self._permissives

@@ -114,7 +114,7 @@ function renew(old, fresh) {
     old.hidden = fresh.hidden; // other parts stand hidden in one place and open in another
   }
   delete old.kept;
-  if (old.innerHTML === fresh.innerHTML) return false;
+  if (old.innerHTML.replaceAll(' data-htmx-powered="true"', "") === fresh.innerHTML) return false; // htmx marks its own; drawn for nothing, a press got lost
   const key = focused && focused !== old ? [focused.id, focused.dataset.token, focused.name].find(Boolean) : "";
   const all = focused?.matches?.("input") ? [focused.selectionStart, focused.selectionEnd] : null;
   old.innerHTML = fresh.innerHTML;

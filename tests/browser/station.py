@@ -76,7 +76,7 @@ class Stations:
         looks = LOOKS | {name: how.pop(name) for name in LOOKS if name in how}
         page = self._browser.new_context(**PLACE, **how).new_page() if how or not self._free else self._free.pop()
         page.set_viewport_size(looks["viewport"])
-        page.emulate_media(reduced_motion=looks["reduced_motion"])
+        page.emulate_media(media="null", reduced_motion=looks["reduced_motion"])
         return page
 
     def leave(self, page: Page, *, again: bool = True) -> None:

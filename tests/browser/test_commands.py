@@ -259,6 +259,20 @@ def test_escape_gives_the_field_back_and_a_wrong_number_is_told_at_the_field(sit
 # ---- two operators --------------------------------------------------------------------------------------------
 
 
+def test_a_press_is_not_lost_when_nothing_of_what_is_pressed_changes(sit: Sit) -> None:
+    """What the page shows is fetched anew while the button is down."""
+    page = sit("ana", "/equipment/m2")
+    let_go(page)
+    button = page.locator("[data-token=take]").first
+    button.hover()
+    page.mouse.down()
+    with page.expect_response("**/equipment/m2/commands*"):
+        page.evaluate("htmx.trigger(document.querySelector('[data-operation][hx-get]'), 'again')")
+    page.wait_for_timeout(300)
+    page.mouse.up()
+    expect(page.locator(".token").first).to_have_attribute("data-holding", "mine")
+
+
 def test_two_operators_ask_refuse_and_hand_over(sit: Sit) -> None:
     ana, ivo = sit("ana"), sit("ivo")
     take(ana)

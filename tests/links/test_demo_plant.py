@@ -67,7 +67,9 @@ async def test_every_point_of_the_virtual_drives_is_good_and_simulated(transport
 async def test_the_instructor_pulls_a_cable_and_plugs_it_in_again(transport: str) -> None:
     async with demo(transport) as line:
         await until(lambda: is_good(line.quality("m1.frequency")) and is_good(line.quality("m2.frequency")))
-        await until(lambda: is_good(line.quality("m1.f432")))  # no answer of two words is owed, as that to the head will be
+        await until(
+            lambda: is_good(line.quality("m1.f432"))
+        )  # no answer of two words is owed, as that to the head will be
         await line.link.raw_write(1, 0xE011, [1])
         assert await until(lambda: is_bad(line.quality("m1.frequency"))) < 1.25
         assert is_good(line.quality("m2.frequency"))
