@@ -57,12 +57,12 @@ def review(who: Operator, equipment: str, changes: dict[str, str], **more: str) 
 
 
 def send(who: Operator, address: str, changes: dict[str, str], more: dict[str, str]) -> Answer:
+    who.sit()
     body = {
         "csrf": who.staff.access.form_token(who.sid),
         **{f"new.{key}": text for key, text in changes.items()},
         **more,
     }
-    who.sit()
     headers = {
         "Origin": "http://127.0.0.1:8000",
         "HX-Request": "true",
