@@ -39,21 +39,11 @@ class Examiner:
     async def try_smaller(self, station: Station, block: ScanBlock, error: LinkError) -> None:
         """Silence at a size that the device never answered: is it the size, or is nobody there?"""
         async with station.attention:
-            await self._try_smaller_alone(station, block, error)
-
-    async def _try_smaller_alone(self, station: Station, block: ScanBlock, error: LinkError) -> None:
-        if not block.alive:
-            return
-        self._bus.drop(block)
-        try:
-            await self._hear(station)
-        except LinkError:
-            self._bus.later(station, error)
-            return
-        station.learned.limit = station.device.fallback_read
-        self._tell_limit(station, error)
-        self._bus.replan(station)
-        self.start_recheck(station)
+            if await self._answers_otherwise(station, block, error):
+                station.learned.limit = station.device.fallback_read
+                self._tell_limit(station, error)
+                self._bus.replan(station)
+                self.start_recheck(station)
 
     async def examine(self, station: Station, block: ScanBlock) -> None:
         """Cut a refused block in halves until it is known which registers, or what size, the device refuses."""
@@ -63,15 +53,20 @@ class Examiner:
     async def examine_silence(self, station: Station, block: ScanBlock, error: LinkError) -> None:
         """Silence, or too short an answer, where the unit never answered as it should: is anybody there, and for what is it silent?"""
         async with station.attention:
-            if not block.alive:
-                return
-            self._bus.drop(block)
-            try:
-                await self._hear(station)
-            except LinkError:
-                self._bus.later(station, error)
-                return
-            await self._examine_alone(station, block, Finding(silence=True))
+            if await self._answers_otherwise(station, block, error):
+                await self._examine_alone(station, block, Finding(silence=True))
+
+    async def _answers_otherwise(self, station: Station, block: ScanBlock, error: LinkError) -> bool:
+        """Whether a unit that is silent for `block` answers for something else; if not, it is silent as a whole, for `error`."""
+        if not block.alive:
+            return False
+        self._bus.drop(block)
+        try:
+            await self._hear(station)
+        except LinkError:
+            self._bus.later(station, error)
+            return False
+        return True
 
     async def examine_refusal(self, station: Station, block: ScanBlock, code: int) -> None:
         """A block is refused again and again with a code that says nothing of registers: is it for some of them?"""
