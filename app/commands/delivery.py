@@ -99,6 +99,7 @@ class Delivery:
                     return None
                 if not self._may_go_on(job.order, job.prepared):
                     return RIGHT_ENDED
+                job.goes_out(self._clock.monotonic())
                 job.known_as(await self._writers[machine.item.link].write(machine.item.id, point, value))
                 if job.lease is None:
                     machine.restore.pop(point, None)

@@ -42,6 +42,8 @@ class Job:
     """Stop telegrams on their way."""
     last_write: float = NEVER
     last_read: float = NEVER
+    sent: float = float("inf")
+    """When the last telegram of the command itself went out."""
     other: "Job | None" = None
     """The superseded command whose telegram may still be on its way."""
     lease: Lease | None = None
@@ -101,9 +103,15 @@ class Job:
         finally:
             self.stopping -= 1
 
+    def goes_out(self, now: float) -> None:
+        """A telegram of the command itself goes out."""
+        self.sent = now
+
     def bits_sent(self, now: float) -> None:
         """Request bits of a hold-to-run go out."""
         self.last_hold = now
+        if self.ending is None:
+            self.sent = min(self.sent, now)
 
     def bits_echoed(self, now: float) -> None:
         """The device has heard request bits."""
@@ -147,7 +155,7 @@ class Job:
             self.since = now
 
     def seen_moving(self, at: int) -> None:
-        """A held motion is confirmed, and goes on."""
+        """A held motion is confirmed, and goes on, or ends when it has stopped."""
         self.moved = True
         self.progress = advance(self.progress, ProgressState.CONFIRMED, at, end=False)
 

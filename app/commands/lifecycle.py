@@ -43,8 +43,9 @@ NEXT: Mapping[ProgressState, frozenset[ProgressState]] = {
     ProgressState.UNKNOWN: _OUTCOMES | {ProgressState.UNKNOWN},
     ProgressState.CONFIRMED: _OUTCOMES,
 }
-"""State → states that may follow. Requested goes to confirmed only for a Stop whose echo was lost and whose effect is read back;
-confirmed goes on only for a hold-to-run, which is confirmed while it moves and ends when it has stopped."""
+"""State → states that may follow. Requested goes to confirmed only for a Stop whose echo was lost and whose effect is read back, and for
+a hold-to-run that was seen to move before its echo was through; confirmed goes on only for a hold-to-run, which is confirmed while it
+moves and ends when it has stopped."""
 
 
 @dataclass(frozen=True, slots=True)

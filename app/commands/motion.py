@@ -130,6 +130,7 @@ class HeldMotion:
         job = machine.job if machine else None
         if machine is None or job is None or job.lease is not lease:
             return
+        self._look_back(machine, job)
         job.let_go(self._state.clock.monotonic())
         self._state.changed(lease.equipment)
         self._state.spawn(
@@ -155,6 +156,7 @@ class HeldMotion:
         if job.echoed and machine.stop:
             limit = max(STOP_LIMIT, job.progress.limit)
         stands = job.since is not None and self._state.readings.stands(machine, _stands(machine, job), job.since)
+        self._look_back(machine, job)
         if waited >= HOLD_AFTER and stands and not job.writing:
             self._finish(machine, job, job.lease)
         elif waited >= limit:
@@ -167,6 +169,16 @@ class HeldMotion:
                 self._sending.write_stop(machine, job, self._release(machine, job), _stands(machine, job)),
                 f"release {machine.item.id}",
             )
+
+    def _look_back(self, machine: Machine, job: Job) -> None:
+        """A motion may be let go before its echo was through, or before the next scan: it is confirmed as well by what was read since its
+        telegram, if that did not hold before.
+        """
+        if job.moved or job.before is not False:
+            return
+        readings, prepared = self._state.readings, job.prepared
+        if readings.read_since(machine, prepared.watched, job.sent) and readings.feedback(machine, prepared, None):
+            job.seen_moving(self._state.clock.micros())
 
     def _finish(self, machine: Machine, job: Job, lease: Lease) -> None:
         params: dict[str, object] = {

@@ -1,10 +1,13 @@
 """A motion that is held ends whatever happens."""
 
+import asyncio
+
 import pytest
 
 from app.errors import NoAnswer, Refused
+from app.plant.definitions import Scan
 from tests.commands.hold_rig import Pressed, moving
-from tests.commands.stand import ANA, SETTINGS, Stand
+from tests.commands.stand import ANA, SETTINGS, FakeLink, Stand, settle
 
 
 async def test_a_stalled_loop_stops_what_is_held() -> None:
@@ -163,3 +166,43 @@ async def test_a_short_tap_stops_again_and_is_not_called_done() -> None:
     await stand.pass_time(4)
     assert not moving(stand)
     assert stand.commands[0].result == "unconfirmed"
+
+
+class SlowEcho(FakeLink):
+    """A telegram acts at once; the echo of the one that starts a motion waits for `home`."""
+
+    def __init__(self, stand: Stand) -> None:
+        super().__init__(stand)
+        self.home = asyncio.Event()
+
+    async def write(self, equipment: str, point: str, value: float, *, urgent: bool = False) -> None:
+        await super().write(equipment, point, value, urgent=urgent)
+        if (point, value) == ("command", 1.0):
+            await self.home.wait()
+
+
+class SlowStand(Stand):
+    link_class = SlowEcho
+    link: SlowEcho
+
+
+@pytest.mark.parametrize("echoed", [True, False])
+async def test_a_tap_that_was_seen_to_move_is_confirmed_though_it_was_let_go_before_the_next_look(echoed: bool) -> None:
+    """The screen shows a value as soon as it is read: a person may let go between that and the next look at the command, or its echo."""
+    stand = SlowStand()
+    stand.scanning = False
+    pressed = await Pressed(stand).arm()
+    if echoed:
+        stand.link.home.set()
+    stand.gate.hold.keep_alive(pressed.lease, 1, ANA.session)
+    await settle()
+    assert moving(stand) and stand.state() == ("accepted" if echoed else "requested")
+    stand.clock.advance(0.01)
+    stand.publish("m1", Scan.FAST)
+    stand.clock.advance(0.01)
+    pressed.release()
+    stand.link.home.set()
+    stand.scanning = True
+    await stand.pass_time(4)
+    assert not moving(stand)
+    assert (stand.commands[0].result, stand.commands[0].reason) == ("confirmed", "hold.cause.released")
