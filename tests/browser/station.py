@@ -291,3 +291,18 @@ def instructed(page: Page, where: str, **form: str) -> None:
         if answer.status == 303:
             return
         assert "no answer to" in answer.text() and time.monotonic() < end, answer.text()
+
+
+def review(page: Page) -> None:
+    """Have the list of new values compared with the drive. One that had no time to answer is asked again, as by a person who reads that."""
+    written = page.locator("#dw form[action$='/write'] [name=password]")
+    for _ in range(5):
+        with page.expect_response(lambda answer: answer.url.endswith("/review")):
+            page.locator("#dw-form button.edge").click()
+        expect(page.locator("#dw[hx-get]")).to_have_count(0, timeout=30_000)
+        told = page.locator("#dw .dw-bad")
+        expect(written.or_(told).first).to_be_visible()
+        if written.count():
+            return
+        assert "No answer" in told.inner_text(), told.inner_text()
+    raise AssertionError(f"the drive does not answer: {told.inner_text()}")

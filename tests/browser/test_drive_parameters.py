@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app import bundled
-from tests.browser.station import PASSWORD, Sit, origin, serving, speak, take
+from tests.browser.station import PASSWORD, Sit, origin, review, serving, speak, take
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/equipment/d2/drive-parameters?group=ramp"
@@ -29,11 +29,6 @@ def choose(page: Page, code: str, value: str) -> None:
     page.locator(f"tr[data-code={code}] .dp-add button").click()
     field = page.locator(f"#dw [data-element$=':{code}'] input[name=value]")
     field.fill(value)
-
-
-def review(page: Page) -> None:
-    page.locator("#dw-form button.edge").click()
-    expect(page.locator("#dw form[data-order] [name=password]").first).to_be_visible(timeout=15_000)
 
 
 def order(page: Page, action: str) -> None:

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app import bundled
-from tests.browser.station import PASSWORD, Sit, built, fault, serving, take
+from tests.browser.station import PASSWORD, Sit, built, fault, review, serving, take
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/equipment/a1"
@@ -127,8 +127,8 @@ def test_it_jogs_while_held_with_the_speed_that_the_engineer_has_set(sit: Sit) -
     speeds.locator("button").click()
     page.locator(".dw [name=value]").wait_for()
     expect(page.locator(".dw [name=value]")).to_have_value("1200")
-    page.locator(".dw button", has_text="Review").click()
-    form = page.locator(".dw form", has=page.locator("[name=reason]")).first
+    review(page)
+    form = page.locator("#dw form[action$='/write']")
     form.locator("[name=reason]").fill("faster")
     form.locator("[name=password]").fill(PASSWORD)
     form.locator("button").last.click()
