@@ -28,11 +28,11 @@ from app.errors import (
 )
 from app.links.bus_access import BusAccess
 from app.links.mailbox_registers import MailboxRegisters, NoResult
-from app.links.scan_block import ScanBlock
-from app.links.services import Seen, Service, SetWrite
+from app.links.parameter_service import ParameterService
+from app.links.services import Service
 from app.links.station import Station
 from app.links.statistics import LinkState
-from app.plant.definitions import MailboxMap, Register
+from app.plant.definitions import MailboxMap
 from app.profidrive.parameter_access import mailbox
 from app.profidrive.parameter_access.error_numbers import ErrorNumber, MailboxError
 from app.profidrive.parameter_access.formats import Format, size_of
@@ -111,59 +111,21 @@ class ParameterAccess(Protocol):
         ...
 
 
-class MailboxUnit:
+class MailboxUnit(ParameterService):
     """The mailbox of one drive."""
 
     def __init__(self, bus: BusAccess, station: Station, map: MailboxMap) -> None:
+        super().__init__(bus, station)
         self.map = map
-        self._bus = bus
-        self._station = station
-        self._turn = asyncio.Lock()
         self._reference = chance.randrange(0, LAST_REFERENCE)
         self._registers = MailboxRegisters(bus, station, map)
         self.waiting = 0
         """How many wait for their turn, or have it."""
 
-    # what the link asks of a service
-
-    async def identify(self) -> bool:
-        """A mailbox says nothing by itself."""
-        return True
-
-    def begin(self) -> None:
-        """The unit is there."""
-
     def adopt(self, before: Service) -> None:
         """The plant file has changed around the same drive: what waits goes on in the same queue."""
         if isinstance(before, MailboxUnit):
             self._turn, self._reference, self._registers.open = before._turn, before._reference, True
-
-    async def end(self) -> None:
-        """The link ends; whoever waits hears it from their telegrams."""
-
-    def reads(self, block: ScanBlock) -> bool:
-        """Nothing of it is scanned."""
-        return False
-
-    def seen(self, block: ScanBlock, words: list[int], started: float) -> Seen:
-        """Nothing of it is scanned."""
-        return Seen.WHOLE
-
-    def worth_reading(self, blocks: Sequence[ScanBlock]) -> list[ScanBlock]:
-        """`blocks`."""
-        return list(blocks)
-
-    def takes(self, register: Register) -> bool:
-        """Points are not written through it."""
-        return False
-
-    async def write(self, writes: Sequence[SetWrite]) -> int:
-        """Never asked for: it takes no registers.
-
-        Raises:
-            LinkError: always.
-        """
-        raise LinkError(f"unit {self._station.number}: {len(writes)} points, the mailbox takes none")
 
     # parameters
 

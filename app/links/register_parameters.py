@@ -16,12 +16,12 @@ from app.errors import GATEWAY, MAY_HAVE_ACTED, BadAnswer, DeviceException, Link
 from app.links.bus_access import BusAccess
 from app.links.contract import Block, LateAnswerDue
 from app.links.mailbox import Missed, Outcome, Progress
-from app.links.scan_block import ScanBlock
+from app.links.parameter_service import ParameterService
 from app.links.schedule import Priority
-from app.links.services import Seen, Service, SetWrite
+from app.links.services import Service
 from app.links.station import Station
 from app.links.statistics import LinkState
-from app.plant.definitions import ParameterMap, Register
+from app.plant.definitions import ParameterMap
 from app.profidrive.parameter_access.error_numbers import EXCEPTION
 from app.profidrive.parameter_access.formats import Format
 from app.profidrive.parameter_access.messages import Address, Failed, Values, Written
@@ -39,55 +39,17 @@ SETTLE = 0.25
 """What the drive is given to act on what it has echoed, before anybody reads it back [s]; how long a real one takes nobody says."""
 
 
-class RegisterParameters:
+class RegisterParameters(ParameterService):
     """The parameters of one drive."""
 
     def __init__(self, bus: BusAccess, station: Station, map: ParameterMap) -> None:
+        super().__init__(bus, station)
         self.map = map
-        self._bus = bus
-        self._station = station
-        self._turn = asyncio.Lock()
-
-    # what the link asks of a service
-
-    async def identify(self) -> bool:
-        """Parameters say nothing by themselves."""
-        return True
-
-    def begin(self) -> None:
-        """The unit is there."""
 
     def adopt(self, before: Service) -> None:
         """The plant file has changed around the same drive: what waits goes on in the same queue."""
         if isinstance(before, RegisterParameters):
             self._turn = before._turn
-
-    async def end(self) -> None:
-        """The link ends; whoever waits hears it from their telegrams."""
-
-    def reads(self, block: ScanBlock) -> bool:
-        """Nothing of it is scanned."""
-        return False
-
-    def seen(self, block: ScanBlock, words: list[int], started: float) -> Seen:
-        """Nothing of it is scanned."""
-        return Seen.WHOLE
-
-    def worth_reading(self, blocks: Sequence[ScanBlock]) -> list[ScanBlock]:
-        """`blocks`."""
-        return list(blocks)
-
-    def takes(self, register: Register) -> bool:
-        """Points are written as registers."""
-        return False
-
-    async def write(self, writes: Sequence[SetWrite]) -> int:
-        """Never asked for: it takes no registers.
-
-        Raises:
-            LinkError: always.
-        """
-        raise LinkError(f"unit {self._station.number}: {len(writes)} points, parameters are written one by one")
 
     # parameters
 

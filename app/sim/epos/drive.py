@@ -31,14 +31,15 @@ from app.sim.epos.positioner import BasicPositioner, Block
 from app.sim.epos.signals import STANDSTILL
 from app.sim.sinamics.adjustment import MODULO, OFFSET, STATE, Adjustment
 from app.sim.sinamics.adjustment import State as Adjusted
+from app.sim.sinamics.bus_side import BusSide
 from app.sim.sinamics.fault_buffer import AlarmBuffer, FaultBuffer
 from app.sim.sinamics.gateway import GatewayMailbox
 from app.sim.sinamics.mailbox import Mailbox
 from app.sim.sinamics.parameter_model import CLEARS, ParameterModel
 from app.sim.sinamics.permanent import PermanentParameters
-from app.sim.sinamics.registers import CONTROL, FIRST_NUMBER, MAILBOX, STATUS, TYPE_CONTROL_UNIT, TYPE_SERVO
+from app.sim.sinamics.registers import CONTROL, FIRST_NUMBER, STATUS, TYPE_CONTROL_UNIT, TYPE_SERVO
 from app.sim.sinamics.requests import Requests
-from app.sim.training import LineFault, TrainingRegisters, is_training
+from app.sim.training import TrainingRegisters, is_training
 from app.sim.watchdog import Watchdog
 
 MOTOR_HOT, MOTOR_RESET = 145.0, 110.0
@@ -58,7 +59,7 @@ SLOW = 6000
 """MDI_VELOCITY before a control writes one [1000 LU/min]."""
 
 
-class VirtualPositioningAxis(PermanentParameters, AxisState):
+class VirtualPositioningAxis(BusSide, PermanentParameters, AxisState):
     """A slide on a ball screw with a servo motor and an absolute encoder."""
 
     type: str = "epos"
@@ -116,55 +117,15 @@ class VirtualPositioningAxis(PermanentParameters, AxisState):
 
     # ---- the bus side
 
-    @property
-    def line_fault(self) -> LineFault:
-        """What the instructor did to the line of this unit; only kept here."""
-        return self._training.line_fault
-
-    def telegram_seen(self) -> None:
-        """No sign of life by itself: the drive counts accesses to its process data only (`read`, `write`)."""
-
-    def read(self, function: int, address: int, count: int) -> list[int]:
-        """Function 03 of what the map lists, and of training registers.
-
-        Raises:
-            DeviceException: 01 other function, 02 a register that is not there, 03 not 1 to 125 registers.
-        """
-        if is_training(address):
-            return self._training.read(function, address, count)
-        numbers = self._requests.check_read(function, address, count)
-        self._watch(numbers)
+    def _words(self, numbers: range) -> list[int]:
         shown = self._shown()
         sent = signals.telegram(shown)
         return [self._word(number, shown, sent) for number in numbers]
-
-    def write(self, function: int, address: int, words: Sequence[int]) -> None:
-        """Functions 06 and 16 to what the map lists as writable, and to training registers.
-
-        Raises:
-            DeviceException: 01 other function, 02 a register that is not there, 03 value, 04 read-only (40499 then tells why).
-                Nothing of a refused request acts.
-        """
-        if is_training(address):
-            self._training.check(function, address, words)
-            self._pending += enumerate(words, address)
-            return
-        numbers = self._requests.check_write(function, address, words)
-        if numbers.start in MAILBOX:
-            self._mailbox.write(numbers.start - MAILBOX.start, words)
-            return
-        self._watch(numbers)
-        self._pending += enumerate(words, address)
 
     def _watch(self, numbers: range) -> None:
         """An access to process data is a sign of life."""
         if numbers.start < STATUS + map.WORDS and numbers.stop > CONTROL:
             self._watchdog.telegram()
-
-    def stood(self, seconds: float) -> None:
-        """So much real time passed without a step: its clock goes on."""
-        self._uptime += seconds
-        self.buffer.now = round(1000 * self._uptime)
 
     # ---- one step
 

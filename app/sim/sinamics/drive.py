@@ -40,6 +40,7 @@ from app.sim.sinamics import messages
 from app.sim.sinamics import registers as map
 from app.sim.sinamics import training as own
 from app.sim.sinamics.adjustment import DEFAULTS, SCALE, Adjustment, Encoder
+from app.sim.sinamics.bus_side import BusSide
 from app.sim.sinamics.drive_state import DriveState
 from app.sim.sinamics.excitation import BRAKE_TIME, Excitation
 from app.sim.sinamics.fault_buffer import AlarmBuffer, FaultBuffer
@@ -56,14 +57,14 @@ from app.sim.sinamics.ramp import RampGenerator
 from app.sim.sinamics.requests import Requests
 from app.sim.sinamics.shaft import RPM, Supply
 from app.sim.sinamics.shaft_encoder import ShaftEncoder
-from app.sim.training import LineFault, TrainingRegisters, is_training
+from app.sim.training import TrainingRegisters, is_training
 from app.sim.watchdog import Watchdog
 
 POSITIONING, POSITION = "positioning", "r2521"
 """Group of the parameters of the basic positioner; its actual position, for the controller and for encoder 1."""
 
 
-class VirtualSinamics(PermanentParameters, DriveState):
+class VirtualSinamics(BusSide, PermanentParameters, DriveState):
     """A drive with an induction motor in star at 400 V."""
 
     type: str = "sinamics"
@@ -130,55 +131,14 @@ class VirtualSinamics(PermanentParameters, DriveState):
 
     # ---- the bus side
 
-    @property
-    def line_fault(self) -> LineFault:
-        """What the instructor did to the line of this unit; only kept here."""
-        return self._training.line_fault
-
-    def telegram_seen(self) -> None:
-        """No sign of life by itself: the drive counts accesses to its process data only (`read`, `write`)."""
-
-    def read(self, function: int, address: int, count: int) -> list[int]:
-        """Function 03 of what the map lists, and of training registers.
-
-        Raises:
-            DeviceException: 01 other function, 02 a register that is not there, 03 not 1 to 125 registers.
-        """
-        if is_training(address):
-            return self._training.read(function, address, count)
-        numbers = self._requests.check_read(function, address, count)
-        self._watch(numbers)
+    def _words(self, numbers: range) -> list[int]:
         readings = self._readings()
         return [self._word(number, readings) for number in numbers]
-
-    def write(self, function: int, address: int, words: Sequence[int]) -> None:
-        """Functions 06 and 16 to what the map lists as writable, and to training registers.
-
-        Raises:
-            DeviceException: 01 other function, 02 a register that is not there, 03 value, 04 read-only (40499 then tells why).
-                Nothing of a refused request acts.
-        """
-        if is_training(address):
-            self._training.check(function, address, words)
-            self._pending += enumerate(words, address)
-            return
-        numbers = self._requests.check_write(function, address, words)
-        if numbers.start in map.MAILBOX:
-            self._mailbox.write(numbers.start - map.MAILBOX.start, words)
-            return
-        self._watch(numbers)
-        self._pending += enumerate(words, address)
 
     def _watch(self, numbers: range) -> None:
         """An access to these: a sign of life where the monitoring counts them."""
         if not map.WATCHED.isdisjoint(numbers):
             self._watchdog.telegram()
-
-    # ---- what one sees from outside
-    def stood(self, seconds: float) -> None:
-        """So much real time passed without a step: its clock goes on."""
-        self._uptime += seconds
-        self.buffer.now = round(1000 * self._uptime)
 
     # ---- one step
 
