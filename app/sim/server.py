@@ -52,6 +52,8 @@ class TcpServer:
         self._max = max_connections
         self._server: asyncio.Server | None = None
         self._clients: dict[asyncio.Task[None], float] = {}
+        self._turn = asyncio.Lock()
+        """One request of all clients is answered in a turn of the loop: those that flood the port keep nobody beside it waiting."""
         self.address: tuple[str, int] = ("", 0)
         """Host and port that it really listens on."""
 
@@ -122,7 +124,9 @@ class TcpServer:
             return False
         pdu = await reader.readexactly(length - 1)
         self._note_use()
-        answer = self._bus.answer(unit, pdu)
+        async with self._turn:
+            answer = self._bus.answer(unit, pdu)
+            await asyncio.sleep(0)
         if answer.pdu is None:
             return True
         if answer.delay > 0:

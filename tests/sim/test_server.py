@@ -237,6 +237,29 @@ async def test_pipelined_requests_are_answered_in_order() -> None:
             assert await reader.readexactly(11) == framed(bytes((3, 2, 0, 100 + n)), transaction=500 + n)
 
 
+async def test_clients_that_flood_the_port_get_one_answer_a_turn_of_the_loop() -> None:
+    answered = 0
+
+    class CountingBus(Bus):
+        def answer(self, unit: int, pdu: bytes) -> Answer:
+            nonlocal answered
+            answered += 1
+            return super().answer(unit, pdu)
+
+    async with contextlib.AsyncExitStack() as stack:
+        served = await stack.enter_async_context(tcp(CountingBus({1: FakeDevice()})))
+        for unit in (1, 1, 1, 99):  # what nobody answers takes its turn, too
+            _, writer = await stack.enter_async_context(socket_to(served))
+            writer.write(framed(POLL, unit=unit) * 300)
+        most = 0
+        async with asyncio.timeout(ANSWERS):
+            while answered < 1200:
+                before = answered
+                await asyncio.sleep(0)
+                most = max(most, answered - before)
+        assert most == 1
+
+
 async def test_a_request_in_pieces_is_one_request() -> None:
     async with tcp() as served, socket_to(served) as (reader, writer):
         for byte in framed(POLL):
