@@ -8,6 +8,8 @@ from app.historian.store import HEARTBEAT, RAMP, Row
 from app.tags.batch import Value
 from app.tags.quality import BAD, NO_DATA, QualityReason
 
+SET_BACK = 1_000_000
+"""A sample so much later than now is of before the clock was set back [µs]; less is a correction of the clock."""
 SLACK = 1 + 1e-9
 """A difference of just the dead-band is not above it: 0.4 − 0.3 is more than 0.1 in binary."""
 
@@ -45,7 +47,15 @@ class Track:
         self._put(time, value, quality, rows)
 
     def beat(self, now: int, rows: list[Row]) -> None:
-        """Add the value as it stands when the last sample is 10 minutes old, and the end of a ramp when no more came after it."""
+        """Add the value as it stands when the last sample is 10 minutes old, and the end of a ramp when no more came after it.
+
+        When the last one is later than `now` the clock was set back: what does not change is told from here on, too.
+        """
+        if self.quality >= 0 and max(self.time, self.held_time) - now > SET_BACK:
+            value = self.held if self.held_time else self.value
+            self.end(rows)
+            rows.append(self._row(now, value, self.quality))
+            self._anchor(now, value, self.quality)
         if self.held_time and now - self.time >= RAMP and self.strayed:
             self.end(rows)
         if self.quality >= 0 and now - self.time >= HEARTBEAT:

@@ -199,6 +199,20 @@ async def test_a_clock_that_is_set_back_loses_nothing(history: Database) -> None
     assert [v for _, v, _ in rows_of(history)] == [1.1, 5.0, 1.0]
 
 
+async def test_what_does_not_change_is_stored_where_the_clock_was_set_back_to(history: Database) -> None:
+    """A source lists changes only, and ten minutes after the last sample are a year away when the clock had been a year ahead."""
+    source, made = await recording(history, point(), point("m1.fault", Kind.TEXT), point("m1.run", Kind.BOOL))
+    source.publish(m1_speed=1.0, m1_fault="OC", m1_run=1)
+    source.clock.step_wall(-365 * 86_400)
+    source.clock.advance(1)
+    for _ in range(3):
+        await made.flush()
+        source.clock.advance(1)
+    back = source.clock.micros() - 3_000_000
+    for name, value in (("m1.speed", 1.0), ("m1.fault", "OC"), ("m1.run", 1)):
+        assert [(time, told) for time, told, _ in rows_of(history, name)][:-1] == [(back, value)]
+
+
 async def test_a_server_killed_after_its_clock_was_set_back_leaves_no_good_value_behind(history: Database) -> None:
     """Its last sign of life is not the latest one: that is of before the clock was set."""
     source, made = await recording(history, point())
