@@ -149,6 +149,7 @@ class _KindReader:
             order=self._order(),
             lasts=lasts,
             expired=table.text("expired", UNKNOWN, pattern=KEY, expected=said("mistake.key")),
+            forgotten=table.text("forgotten", "", pattern=KEY, expected=said("mistake.key")),
             parts=self._parts(),
             pause=Pause(*pair) if (pair := self._pair("pause")) else None,
             alarms=table.flag("alarms"),

@@ -83,10 +83,15 @@ def lose(machine: Machine, shelf: Shelf, lost: int) -> None:
 def begin_again(machine: Machine, shelf: Shelf, event: Reading) -> None:
     """The ring counts from 1 again with `event`: the machine knows nothing any more of what was under way."""
     for kind in machine.kinds:
-        if kind.lasts or event.code in kind.restart:  # it ends by itself, or by the event
+        if event.code in kind.restart or (kind.lasts and not kind.forgotten):  # it ends by the event, or by itself
             continue
         for record in list(shelf.open(kind)):
-            shelf.put(forgotten(record, event.time))
+            if not kind.lasts:
+                shelf.put(forgotten(record, event.time))
+            elif _stands(record, event.time):
+                changed = record.copy()
+                changed.outcome, changed.ended = kind.forgotten, max(record.begun, event.time)
+                shelf.put(changed)
 
 
 def number_of(kind: RecordKind, event: Reading) -> int | None:

@@ -251,6 +251,8 @@ class RecordKind:
     """What the first event says, as `Rule.of`: so long it lasts, unless an event ends it before [s]."""
     expired: str = UNKNOWN
     """Outcome of one whose time was over."""
+    forgotten: str = ""
+    """Outcome of one that still lasted when its machine began anew and knows nothing of it; empty: it lasts as long as was said."""
     parts: Parts | None = None
     pause: Pause | None = None
     alarms: bool = False
@@ -288,7 +290,9 @@ class RecordKind:
     def outcomes(self) -> tuple[str, ...]:
         """All that there are, each once: under way, as ends are declared, unknown."""
         found = dict.fromkeys((OPEN, *(end.outcome for end in self.ends)))
-        found |= dict.fromkeys(one for one in (self.displaced, self.expired) if one != UNKNOWN)
+        found |= dict.fromkeys(
+            one for one in (self.displaced, self.expired, self.forgotten) if one not in (UNKNOWN, "")
+        )
         if self.displaced == UNKNOWN:
             found |= dict.fromkeys((UNKNOWN,))
         return tuple(found)

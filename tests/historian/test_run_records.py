@@ -190,6 +190,24 @@ async def test_forces_that_were_active_belong_to_the_run(kept: Records, history:
     assert ask(history, given={"forced": "any"}) == [newest, first]
 
 
+async def test_a_force_does_not_stand_in_a_plc_that_has_lost_it(
+    kept: Records, history: Database, device: Device
+) -> None:
+    """A server that is killed takes the simulated PLC in it along: nothing is forced in the next one."""
+    device.start()
+    device.scan(2)
+    device.tell(device.block.force(3, 3, 600.0, device.time))
+    await kept.take("seq1", device.drain())
+    other = Device(time=device.time + 60 * SECOND, boot=1)
+    other.start()
+    other.scan(2)
+    began = other.events[0].time
+    await kept.take("seq1", other.drain())
+    newest, first = ask(history)
+    assert [(force.outcome, force.ended) for force in forces(history, first)] == [("restart", began)]
+    assert (newest.forces or 0, forces(history, newest)) == (0, [])
+
+
 async def test_a_force_whose_end_was_lost_ends_when_it_was_to(kept: Records, history: Database, device: Device) -> None:
     device.tell(device.block.force(2, 3, 2.0, device.time))
     await kept.take("seq1", device.drain())

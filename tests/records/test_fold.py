@@ -205,6 +205,21 @@ def test_a_ring_that_begins_again_ends_what_was_under_way_unless_the_machine_say
         assert shelf.records[0].outcome == outcome
 
 
+@pytest.mark.parametrize(
+    ("named", "lasting", "outcome", "ended"),
+    [("restart", 10.0, "restart", 3.0), ("", 10.0, OPEN, 10.0), ("restart", 2.0, OPEN, 2.0)],
+)
+def test_a_ring_that_begins_again_ends_what_still_lasts_where_the_kind_says_how(
+    named: str, lasting: float, outcome: str, ended: float
+) -> None:
+    made = kind(lasts="value", expired="over", forgotten=named)
+    shelf, machine = MemoryShelf(), Machine((made,))
+    fold.take(machine, shelf, event(A, 0, lasting))
+    fold.begin_again(machine, shelf, event(9, 3))
+    (one,) = shelf.records
+    assert (one.outcome, one.ended) == (outcome, round(ended * SECOND))
+
+
 def test_a_function_of_the_kind_has_the_last_word() -> None:
     def belongs(latest: Record | None, event: Reading) -> Belongs | None:
         return Belongs.NOWHERE if event.source == 3 else None
