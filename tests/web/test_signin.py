@@ -446,6 +446,15 @@ def test_a_filter_leaves_nothing_of_the_hour_that_comes_twice_out(staff: Staff) 
     assert "02:15:00 +02:00" in shown and "02:15:00 +01:00" in shown
 
 
+def test_a_filter_from_within_the_hour_that_the_clock_skips_begins_where_it_jumps(staff: Staff) -> None:
+    staff.enter("chief", "admin", "engineer", "operator")
+    for minute, name in ((59, "before"), (61, "behind")):
+        at = to_micros(datetime(2026, 3, 29, tzinfo=UTC)) + minute * 60_000_000
+        staff.wait(staff.access.audit.write, entry_at(at, "backup.made", BOSS, f"{name}.tar"))
+    shown = staff.client.get("/audit?kind=backup.made&since=29.3.2026 02:30&until=29.3.2026 03:10").text
+    assert "behind.tar" in shown and "before.tar" not in shown
+
+
 @pytest.mark.parametrize(
     "query",
     [
