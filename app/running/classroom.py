@@ -151,7 +151,11 @@ class Classroom:
 
     def leave(self, person: Person, lesson: Lesson) -> None:
         """Forget how far `person` is in `lesson`."""
-        key = (person.id, lesson.name)
+        self.forget(person.id, lesson)
+
+    def forget(self, person: int, lesson: Lesson) -> None:
+        """Forget how far somebody was, who may have no account any more."""
+        key = (person, lesson.name)
         if self._courses.pop(key, None) is not None:
             self._changed(key)
 

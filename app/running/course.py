@@ -37,6 +37,10 @@ class Course:
         here = not self.finished and self.edition == lesson.edition and self.step < len(lesson.steps)
         return lesson.steps[self.step] if here else None
 
+    def fault(self, lesson: Lesson) -> str:
+        """The fault that `lesson` caused last and has not removed; empty: none."""
+        return next((one.cause for one in reversed(lesson.steps[: self.step]) if one.cause), "") if self.caused else ""
+
     @property
     def mistakes(self) -> int:
         """Wrong answers given."""

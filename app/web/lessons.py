@@ -1,6 +1,7 @@
 """Lessons: what there is to learn on the machines of this plant, how far one is, and for the instructor how far everybody is."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 from urllib.parse import quote
 
@@ -14,7 +15,7 @@ from app.plant.definitions import Equipment
 from app.plant.lesson_definition import NO_FAULT, Lesson
 from app.running.classroom import Classroom
 from app.running.course import Course
-from app.running.instruction import says_simulated, write
+from app.running.instruction import look, says_simulated, write
 from app.sim import training
 from app.web import format as fmt
 from app.web.guard import address_of, allow, fields, people_access, person_of
@@ -52,13 +53,14 @@ async def strip(request: Request, machine: str) -> Response:
 @router.get("/lessons/{name}", dependencies=[allow("operate")])
 async def lesson(request: Request, name: str) -> Response:
     """One lesson: its steps, the one at work open."""
-    return _page(request, _lesson(request, name))
+    return await _page(request, _lesson(request, name))
 
 
 @router.get("/lessons/{name}/steps", dependencies=[allow("operate")])
 async def steps(request: Request, name: str) -> Response:
     """The steps alone."""
-    return view_of(request).fragment(request, "fragments/lesson_steps.html", **_drawn(request, _lesson(request, name)))
+    drawn = await _drawn(request, _lesson(request, name))
+    return view_of(request).fragment(request, "fragments/lesson_steps.html", **drawn)
 
 
 @router.post("/lessons/{name}/begin", dependencies=[allow("operate")])
@@ -114,6 +116,19 @@ async def cause(request: Request, name: str) -> Response:
     return await _do(request, name, work)
 
 
+@router.post("/lessons/{name}/cause-again", dependencies=[allow("operate")])
+async def cause_again(request: Request, name: str) -> Response:
+    """Cause the fault once more that one's lesson had caused and that is there no more; one stays at the step at work."""
+    await fields(request, [])
+
+    async def work(one: Lesson) -> None:
+        course = _room(request).course(person_of(request).id, one.name)
+        if course is not None and await _gone(request, one, course):
+            await _inject(request, course.machine, one, course.fault(one))
+
+    return await _do(request, name, work)
+
+
 # ---- what is done -----------------------------------------------------------------------------------------
 
 
@@ -122,7 +137,7 @@ async def _do(request: Request, name: str, work: Any) -> Response:
     try:
         await work(one)
     except Refused as refused:
-        return _page(request, one, refused)
+        return await _page(request, one, refused)
     return RedirectResponse(f"/lessons/{quote(name)}#step", 303)
 
 
@@ -138,11 +153,34 @@ async def _leave(request: Request, lesson: Lesson) -> None:
 
 
 async def _undo(request: Request, lesson: Lesson) -> None:
-    """Remove the fault that one's lesson has caused; of a machine that is gone, or that does not answer, there is nothing to remove."""
+    """Remove the fault that one's lesson has caused; of a machine that is gone there is nothing to remove."""
     course = _room(request).course(person_of(request).id, lesson.name)
     item = plant_of(request).equipment.get(course.machine) if course else None
     if course is not None and course.caused and item is not None:
         await _write(request, item, lesson, NO_FAULT)
+
+
+async def clear_up(request: Request, person: int) -> None:
+    """Forget the lessons of somebody whose account is no more, and remove what stands of the faults that they had caused.
+
+    One that cannot be removed now is told in the audit, and stands on the instructor's page.
+    """
+    room = _room(request)
+    for course in [one for who, one in room.everybody() if who == person]:
+        lesson = room.lessons[course.lesson]
+        room.forget(person, lesson)
+        if await _stands(request, lesson, course):
+            with suppress(Refused):
+                await _write(request, plant_of(request).equipment[course.machine], lesson, NO_FAULT)
+
+
+async def _stands(request: Request, lesson: Lesson, course: Course) -> bool | None:
+    """Whether the fault that a lesson caused last is there; None: it has caused none, or the machine does not tell."""
+    item, fault = plant_of(request).equipment.get(course.machine), course.fault(lesson)
+    if item is None or not fault:
+        return None
+    seen = await look(view_of(request).runtime(request).links[item.link], item)
+    return None if seen.words is None else seen.words[training.REG_MACHINE_FAULT] == item.type.training.faults[fault]
 
 
 async def _inject(request: Request, machine: str, lesson: Lesson, fault: str) -> None:
@@ -208,7 +246,7 @@ def _lesson(request: Request, name: str) -> Lesson:
     return found
 
 
-def _page(request: Request, lesson: Lesson, refused: Refused | None = None) -> Response:
+async def _page(request: Request, lesson: Lesson, refused: Refused | None = None) -> Response:
     view = view_of(request)
     return view.page(
         request,
@@ -218,11 +256,11 @@ def _page(request: Request, lesson: Lesson, refused: Refused | None = None) -> R
         kind="lessons",
         up="/lessons",
         error=view.text(request, refused.reason, **refused.params) if refused else "",
-        **_drawn(request, lesson),
+        **await _drawn(request, lesson),
     )
 
 
-def _drawn(request: Request, lesson: Lesson) -> dict[str, Any]:
+async def _drawn(request: Request, lesson: Lesson) -> dict[str, Any]:
     person, room, view = person_of(request), _room(request), view_of(request)
     runtime = view.runtime(request)
     course = room.course(person.id, lesson.name)
@@ -238,9 +276,21 @@ def _drawn(request: Request, lesson: Lesson) -> dict[str, Any]:
         "machine": (on.id, view.machine(request, on).label) if on else None,
         "controls": bool(on and gate and gate.control.holds(person, on.id)),
         "simulated_here": bool(on and says_simulated(runtime.links[on.link], on)),
+        "gone": await _gone(request, lesson, course),
         "finished": moment(request, course.finished) if course and course.finished else "",
         "took": _minutes(request, course),
     }
+
+
+async def _gone(request: Request, lesson: Lesson, course: Course | None) -> bool:
+    """Whether a step waits for what a fault does that is there no more: the plant was started anew, or somebody else removed it.
+
+    False of a machine that does not tell.
+    """
+    step = course.at(lesson) if course else None
+    if course is None or step is None or step.cause:
+        return False
+    return await _stands(request, lesson, course) is False
 
 
 def _minutes(request: Request, course: Course | None) -> str:

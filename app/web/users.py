@@ -16,6 +16,7 @@ from app.access.roles import ROLES, Person, permissions_of
 from app.access.tokens import GRANTABLE, Token
 from app.errors import Refused
 from app.web import format as fmt
+from app.web import lessons
 from app.web.csv_lines import cells, locale_of
 from app.web.guard import allow, field_list, fields, people_access, person_of
 from app.web.language import language_of
@@ -167,9 +168,14 @@ async def enable(request: Request, key: Id) -> Response:
 
 @router.post("/users/{key}/delete", dependencies=[allow("administer")])
 async def delete(request: Request, key: Id) -> Response:
-    """Remove an account for good."""
+    """Remove an account for good, and the faults that its lessons had caused on simulated machines."""
     people = people_access(request).people
-    return await _changed(request, "deleted", [], lambda by, _: people.delete(by, key))
+
+    async def work(by: Person, _: Any) -> None:
+        await people.delete(by, key)
+        await lessons.clear_up(request, key)
+
+    return await _changed(request, "deleted", [], work)
 
 
 @router.post("/users/{key}/password", dependencies=[allow("administer")])

@@ -16,7 +16,7 @@ from app.running.classroom import Classroom
 from app.running.course import Course
 from tests.virtual import until
 from tests.web.operating import Operator, runtime_of
-from tests.web.people import BOSS, Staff
+from tests.web.people import BOSS, PASSWORD, Staff
 
 LONGEST = 420.0
 """A step that is not ticked off in so long cannot be done [s]."""
@@ -173,6 +173,48 @@ def test_a_fault_is_caused_only_by_who_has_control_and_goes_when_one_leaves(staf
         ("ana", "m2", "OC", "ok"),
         ("ana", "m2", "OC", "refused"),
     ]
+
+
+def test_a_fault_that_is_there_no_more_is_told_and_caused_again(staff: Staff, ana: Operator) -> None:
+    """The server was started anew, and its simulated plant with it, or the instructor has cleared it."""
+    client, told = staff.client, "is there no more"
+    assert ana.post("/lessons/motor/begin", False, machine="m2").status_code == 303
+    put_at(client, "motor", 4)
+    ana.take("m2")
+    assert ana.post("/lessons/motor/cause", False, step="4").status_code == 303
+    assert fault_of(client) == 4
+    assert told not in ana.get("/lessons/motor/steps").text
+    assert ana.post("/lessons/motor/cause-again", False).status_code == 303  # nothing to cause
+    client.run(runtime_of(client).links["hall"].raw_write(2, 0xE010, [0]))
+    assert fault_of(client) == 0
+    at = course_of(client, "motor").step
+    assert told in ana.get("/lessons/motor/steps").text
+    assert ana.post("/lessons/motor/cause-again", False).status_code == 303
+    assert fault_of(client) == 4
+    assert course_of(client, "motor").step == at
+    assert told not in ana.get("/lessons/motor/steps").text
+    assert ana.post("/lessons/motor/leave", False).status_code == 303
+    assert fault_of(client) == 0
+
+
+@pytest.mark.parametrize("other", [0, 13])
+def test_the_fault_of_a_learner_goes_with_the_account_and_that_of_somebody_else_stays(staff: Staff, other: int) -> None:
+    client = staff.client
+    id = staff.add(name := f"pupil{other}", "operator")
+    pupil = Operator(staff, name, ("operator",)).sit()
+    assert pupil.post("/lessons/motor/begin", False, machine="m2").status_code == 303
+    put_at(client, "motor", 4)
+    pupil.take("m2")
+    assert pupil.post("/lessons/motor/cause", False, step="4").status_code == 303
+    assert fault_of(client) == 4
+    if other:
+        client.run(runtime_of(client).links["hall"].raw_write(2, 0xE010, [other]))
+        assert fault_of(client) == other
+    staff.enter("chief", "admin", "engineer", "operator")
+    assert staff.post(f"/users/{id}/delete", {"own_password": PASSWORD}).status_code in (200, 303)
+    assert fault_of(client) == other
+    assert id not in [who for who, _ in room_of(client).everybody()]
+    client.run(runtime_of(client).links["hall"].raw_write(2, 0xE010, [0]))
 
 
 def put_at(client: TestClient, lesson: str, step: int) -> None:
