@@ -202,6 +202,7 @@ def restore(
     Nobody stays signed in, and no link writes until its plant file says so.
     """
     from app import backup as archive
+    from app.access.private import check_entered
     from app.settings import read_settings
 
     begun = False
@@ -209,6 +210,7 @@ def restore(
         folder = data or read_settings().data
         if not file.is_file():
             raise ConfigurationError(f"{file} is not there, or no ordinary file")
+        check_entered(folder)
         key = archive.signing_key(key_file or folder / archive.BACKUP_KEY)
         if key_file and not key:
             raise ConfigurationError(f"{key_file} is not there")

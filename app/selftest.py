@@ -20,6 +20,7 @@ from typing import Any, Literal
 from app.access.factors import IDENTITY, Seal
 from app.access.former import check_former
 from app.access.keys import PRIVATE, check_files, lock
+from app.access.private import check_entered
 from app.access.restoring import is_interrupted
 from app.addresses import host_and_port
 from app.clock import Clock, to_datetime
@@ -77,17 +78,21 @@ def run_checks(
     """Every finding, in the order in which a start would meet it. `clashes_of`: machines that cannot be served on one port, in words."""
     yield from _settings(settings)
     yield _data(settings.data)
-    yield _keys(settings.data)
-    running = _is_running(settings.data)
+    closed = _is_closed(settings.data)
+    if not closed:
+        yield _keys(settings.data)
+    running = not closed and _is_running(settings.data)
     yield _port("port", settings.host, settings.port, running=running)
     if settings.serve_modbus:
         yield _port("modbus", *host_and_port(settings.serve_modbus), running=running)
-    yield _clock(settings.data, clock)
+    if not closed:
+        yield _clock(settings.data, clock)
     yield _synchronised()
-    yield _space(settings)
-    yield _speed(settings.data, clock)
-    for name in ("pogon.db", "history.db"):
-        yield _database(settings.data / name)
+    if not closed:
+        yield _space(settings)
+        yield _speed(settings.data, clock)
+        for name in ("pogon.db", "history.db"):
+            yield _database(settings.data / name)
     yield _tls(settings, clock)
     plant, problems = read_plant(settings.plant)
     yield _plant(settings.plant, plant, problems)
@@ -113,6 +118,15 @@ def _settings(settings: Settings) -> Iterator[Finding]:
             yield Finding("settings", "warning", "wrong", {"reason": line})
         if not absent:
             yield Finding("settings", "ok", "good")
+
+
+def _is_closed(data: Path) -> bool:
+    """Whether one may not look into the data folder, so that nothing can be said of what is in it."""
+    try:
+        check_entered(data)
+    except ConfigurationError:
+        return True
+    return False
 
 
 def _data(data: Path) -> Finding:

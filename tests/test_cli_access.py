@@ -1,6 +1,7 @@
 """pogon user and pogon audit, as one types them, also beside a running server."""
 
 import csv
+import errno
 import io
 import os
 import sqlite3
@@ -301,3 +302,39 @@ def test_a_plant_that_lost_its_database_is_not_taken_for_a_new_one(tmp_path: Pat
     assert "pogon restore" in line
     assert "--begin-anew" in line
     assert not (data / "pogon.db").exists()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("user", "list"),
+        ("user", "add", "bob"),
+        ("audit", "verify"),
+        ("export", "--tags", "m1.speed", "--from", "-1h"),
+        ("backup", "kept.pogon"),
+        ("restore", "archive"),
+        ("selftest",),
+        ("run",),
+    ],
+    ids=" ".join,
+)
+def test_a_data_folder_into_which_one_may_not_look_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
+) -> None:
+    """As the service has it, and somebody types a command as himself; a test that is root may look everywhere."""
+    data = tmp_path / "data"
+    data.mkdir()
+    (tmp_path / "archive").touch()
+    monkeypatch.chdir(tmp_path)
+    stat = Path.stat
+
+    def closed(path: Path, **how: bool) -> os.stat_result:
+        if data in path.parents:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return stat(path, **how)
+
+    monkeypatch.setattr(Path, "stat", closed)
+    result = CliRunner().invoke(cli, command, env={"POGON_DATA": str(data), "POGON_PORT": "0"})
+    assert result.exit_code == (1 if command == ("selftest",) else 2), result.output
+    assert f"POGON_DATA={data} cannot be used: Permission denied; expected to be run by its owner" in result.output
+    assert not list(data.iterdir())

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app import chance
-from app.access.private import write_private
+from app.access.private import check_entered, write_private
 from app.access.restoring import finish_restore
 from app.errors import ConfigurationError, UnusableFile
 from app.files import read_bytes, read_text
@@ -34,8 +34,9 @@ def check_files(data: Path) -> None:
     """Refuse a data folder that others could change, or files in it that they could read.
 
     Raises:
-        ConfigurationError: names the file, its mode and the command that puts it right.
+        ConfigurationError: names the file, its mode and the command that puts it right; or the folder, into which one may not look.
     """
+    check_entered(data)
     if data.is_dir() and stat.S_IMODE(data.stat().st_mode) & 0o002:
         raise ConfigurationError(
             f"{data} may be written by everybody (mode {stat.S_IMODE(data.stat().st_mode):04o}): chmod 0700 {data}"
@@ -55,8 +56,9 @@ def check_kinds(data: Path) -> None:
     """Refuse a file of the data folder that would keep its reader waiting.
 
     Raises:
-        ConfigurationError: names it.
+        ConfigurationError: names it, or the folder, into which one may not look.
     """
+    check_entered(data)
     for path in (data / name for name in OPENED):
         if path.exists() and not path.is_dir() and not path.is_file():
             raise ConfigurationError(f"{path}: a pipe, a socket or a device, expected an ordinary file")

@@ -1,9 +1,10 @@
-"""Writing files that nobody else may read."""
+"""Writing files that nobody else may read, in a folder that we may use."""
 
 import os
 from pathlib import Path
 
 from app import chance
+from app.errors import ConfigurationError
 
 
 def write_private(path: Path, text: str, *, exclusive: bool = False) -> None:
@@ -19,3 +20,28 @@ def write_private(path: Path, text: str, *, exclusive: bool = False) -> None:
             temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def check_entered(data: Path) -> None:
+    """Refuse a data folder into which whoever runs this may not look. One that is not there is none of these.
+
+    Raises:
+        ConfigurationError: names it, why, and whose it is.
+    """
+    try:
+        (data / "server.lock").stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except PermissionError as error:
+        raise ConfigurationError(
+            f"POGON_DATA={data} cannot be used: {error.strerror}; expected to be run by {_owner(data)}"
+        ) from error
+    except OSError as error:
+        raise ConfigurationError(f"POGON_DATA={data} cannot be used: {error.strerror}") from error
+
+
+def _owner(data: Path) -> str:
+    try:
+        return f"its owner, {data.owner()}"
+    except (OSError, KeyError):  # a folder above is closed, too, or nobody has this number
+        return "its owner"

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from app.access.private import write_private
+from app.access.private import check_entered, write_private
 from app.errors import ConfigurationError
 from app.files import read_text
 
@@ -51,8 +51,9 @@ def finish_restore(data: Path, *, locked: bool = False) -> str:
     `locked`: the caller holds the lock of the folder.
 
     Raises:
-        ConfigurationError: a restore runs on it right now, its journal cannot be read, or the disk refuses.
+        ConfigurationError: a restore runs on it right now, its journal or the folder cannot be read, or the disk refuses.
     """
+    check_entered(data)
     journal = data / JOURNAL
     if not journal.exists() and not any(_half_written(data)):
         return ""
