@@ -76,6 +76,7 @@ def test_a_person_enrols_and_signs_in_with_a_code(staff: Staff) -> None:
     assert sheet.status_code == 200 and 'autocomplete="one-time-code"' in sheet.text
     wrong = staff.post("/signin/code", {"code": "98-71-2x", "next": "/"})
     assert wrong.status_code == 401 and "98-71-2x" not in wrong.text
+    assert "pola minute" in wrong.text, "a right code of a clock that is off is told no otherwise"
     answer = staff.post("/signin/code", {"code": code_of(staff, key), "next": "/equipment/m1?tab=2"})
     assert (answer.status_code, answer.headers["location"]) == (303, "/equipment/m1?tab=2")
     assert 'half=""' in " ".join(answer.headers.get_list("set-cookie"))
