@@ -11,6 +11,7 @@ from app.plant.plant_files.languages import PlantLanguages
 from app.plant.plant_files.names import check_id
 from app.plant.said import said
 from app.plant.tables import Table, one_of
+from app.plant.type_files.device import check_periods
 
 BAUD = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 PARITY = ("none", "even", "odd")
@@ -49,6 +50,7 @@ def read_link(key: str, table: Table, transports: Sequence[str], languages: Plan
         timeout=table.number("timeout", None, 0.01, 60),
         label=languages.label(table, "label", default=key),
     )
+    check_periods(table)
     table.done()
     return link
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from app.plant.definitions import Alarm
 from app.plant.said import said
 from app.plant.tables import MISSING, Table, one_of
-from app.plant.type_files.sentences import Sentences
+from app.plant.type_files.sentences import Sentences, names_in
 
 ALARM_KINDS = ("expression", "high", "low", "deviation", "rate", "bad_quality")
 SENTENCES = ("expression", "clear", "value", "reference")
@@ -49,10 +49,13 @@ def read_alarm(key: str, table: Table, prefix: str, events: Mapping[int, str]) -
         table.note("event_clear", table.raw("event_clear"), said("mistake.another_event"))
     if event and table.has("clear") and not table.has("expression"):
         table.note("clear", table.raw("clear"), said("mistake.clear_of"))
+    sentence = table.text("expression", *([""] if table.has("event") else [])) if kind == "expression" else ""
+    if sentence and names_in(sentence) == frozenset():
+        table.note("expression", sentence, said("mistake.alarm_constant"))
     return Alarm(
         key=key,
         label=table.text("label", f"{prefix}label"),
-        expression=table.text("expression", *([""] if table.has("event") else [])) if kind == "expression" else "",
+        expression=sentence,
         kind=kind,
         dead_band=float(table.number("dead_band", 0.0, 0)),
         reference=table.text("reference") if kind == "deviation" else table.text("reference", ""),

@@ -6,7 +6,7 @@ from collections.abc import Container, Iterator, Sequence
 from app.plant.definitions import Device
 from app.plant.picture import PictureData
 from app.plant.said import said
-from app.plant.tables import Table, one_of
+from app.plant.tables import Table, is_number, one_of
 from app.plant.type_files.names import KEY, NAME_EXPECTED
 from app.plant.type_files.options import read_span
 
@@ -25,7 +25,7 @@ def read_device(table: Table) -> Device:
         read_functions=tuple(_functions(table, "read_functions", (3, 4), (3,))),
         write_functions=tuple(_functions(table, "write_functions", (6, 16), (6,))),
         turnaround=float(table.number("turnaround", 0.02, 0, 10)),
-        timeout=float(table.number("timeout", 0.25, 0, 60)),
+        timeout=float(table.number("timeout", 0.25, 0.01, 60)),
         connections=table.whole("connections", 1, 1, 64),
         pipelining=table.whole("pipelining", 1, 1, 64),
         keeps=table.flag("keeps", True),
@@ -35,8 +35,16 @@ def read_device(table: Table) -> Device:
         write_only=tuple(_ranges(table, "write_only")),
         training=table.whole("training", 0xE000),
     )
+    check_periods(table)
     table.done()
     return device
+
+
+def check_periods(table: Table) -> None:
+    """Note a `fast` that is slower than the `slow` beside it."""
+    fast, slow = (table.data.get(key) for key in ("fast", "slow"))
+    if is_number(fast) and is_number(slow) and fast > slow:
+        table.note("fast", fast, said("mistake.fast_slow", slow=f"{slow:g}"))
 
 
 def read_actions(head: Table, *, sequence: bool) -> tuple[str, ...]:

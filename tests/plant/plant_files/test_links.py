@@ -20,6 +20,7 @@ MISTAKES = [
     ("writes = false", 'writes = "no"', "links.press_shop.writes", '"no"', "true or false"),
     ("writes = false", "wirtes = false", "links.press_shop.wirtes", "False", "perhaps writes"),
     ("writes = false", "fast = 0", "links.press_shop.fast", "0", "from 0.01 to 3600"),
+    ("writes = false", "fast = 3\nslow = 2", "links.press_shop.fast", "3", "at most `slow`, 2 s"),
     ("writes = false", "stop_bits = 3", "links.press_shop.stop_bits", "3", "from 1 to 2"),
     *(
         (

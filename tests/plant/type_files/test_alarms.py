@@ -28,6 +28,7 @@ MISTAKES = [
     ("alarms", 'event_clear = "jam_over"', "event_clear = 21", "jam.event_clear", '"jam_over", not its number'),
     ("alarms", 'event_clear = "jam_over"', 'event_clear = "jam"', "jam.event_clear", "another event"),
     ("alarms", 'event_clear = "jam_over"', 'clear = "count == 0"', "jam.clear", "an `expression`"),
+    ("alarms", 'event = "jam"', 'event = "jam"\nexpression = "1 == 2"', "jam.expression", "this one never changes"),
     ("alarms", "source = 2", "source = -1", "jam.source", "from 0 to 65535"),
     ("alarms", 'event = "arrived"\n', "source = 1\n", "late.source", "an `event`"),
 ]

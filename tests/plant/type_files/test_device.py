@@ -52,8 +52,10 @@ def test_all_of_it_is_read(tmp_path: Path) -> None:
         ("max_write = 124", "max_write"),
         ("timeout = 61", "timeout"),
         ("timeout = nan", "timeout"),
+        ("timeout = 0", "timeout"),
         ("connections = 0", "connections"),
         ("fast = 0", "fast"),
+        ("fast = 2\nslow = 1", "fast"),
         ("holes = [[9, 5]]", "holes.0"),
         ("holes = [[1, 2], 3]", "holes.1"),
         ("group_read = { fast = 126 }", "group_read.fast"),
@@ -64,6 +66,13 @@ def test_what_no_device_bears_is_told(tmp_path: Path, text: str, key: str) -> No
     table, problems = file(tmp_path, text)
     read_device(table)
     assert [one.key for one in problems] == [key]
+
+
+@pytest.mark.parametrize("text", ["fast = 1\nslow = 1", "fast = 2", "slow = 0.05"])
+def test_what_is_read_at_one_pace_may_be_as_slow_as_one_likes(tmp_path: Path, text: str) -> None:
+    table, problems = file(tmp_path, text)
+    read_device(table)
+    assert problems == []
 
 
 @pytest.mark.parametrize(
