@@ -405,6 +405,23 @@ def test_a_bad_value_leaves_no_number_on_the_page(page: Page, hall: Hall, opened
     expect(page.locator(".mai-ptr").first).to_be_hidden()
 
 
+def test_a_setpoint_that_is_not_known_has_no_place_on_a_scale(
+    page: Page, hall: Hall, opened: Callable[..., Wire]
+) -> None:
+    """While what is measured beside it is good; neither at the beginning of the scale nor where it was last."""
+    wire = opened()
+    place = page.locator(".mai-sp, .gauge-sp:visible")
+    expect(page.locator(".mai-sp")).to_have_count(1)
+    expect(place.locator("visible=true")).to_have_count(0)
+    hall.publish_all(q.GOOD, lambda key: 1)
+    wire.send(hall.frame(1))
+    live(page)
+    expect(place.locator("visible=true")).to_have_count(2)
+    hall.publish({"frequency_setpoint": 40.0}, q.COMM_FAILURE)
+    wire.send(hall.frame(2))
+    expect(place.locator("visible=true")).to_have_count(0)
+
+
 def test_the_age_of_a_stale_value_counts_in_the_browser(page: Page, hall: Hall, opened: Callable[..., Wire]) -> None:
     wire = opened()
     hall.publish({"speed": 1180.0})
