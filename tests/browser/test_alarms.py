@@ -75,6 +75,11 @@ def test_the_alarm_of_a_point_takes_the_place_of_its_pointer(operator: Operator)
     place.evaluate(mark, [2, "unack"])
     expect(place.locator(".alm-2[data-state=unack]")).to_be_visible()
     expect(arrow).to_be_hidden()
+    beside = """place => {
+        const [mark, line] = [".alm", "line"].map((one) => place.parentElement.querySelector(one).getBoundingClientRect());
+        return [Math.abs(mark.x + mark.width / 2 - line.x - line.width / 2), mark.width]; }"""
+    off, wide = place.evaluate(beside)
+    assert off <= 2 and 8 <= wide <= 40, (off, wide)
     place.evaluate(mark, None)
     expect(place.locator("svg")).to_have_count(0)
     expect(arrow).to_be_visible()
