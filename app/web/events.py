@@ -19,7 +19,7 @@ from app.historian.event_search import GONE, EventFilter
 from app.historian.event_sheet import EventExport, EventExportSettings, coded, with_ring, worded, words
 from app.historian.export import FORMATS
 from app.historian.record_query import definition_at
-from app.plant.definitions import Equipment, EquipmentType
+from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.kept import Definition
 from app.records.event import Event
 from app.records.snapshot import BITS, decode
@@ -272,7 +272,16 @@ async def _list(request: Request, typed: dict[str, str], wanted: EventFilter) ->
         "newest": "/events?" + urlencode(chosen) if typed["before"] else "",
         "list_url": "/events/list?" + urlencode({name: value for name, value in typed.items() if value}),
         "live": not typed["before"],
+        "journal": _journal(runtime.plant, typed["equipment"]),
     }
+
+
+def _journal(plant: Plant | None, equipment: str) -> str:
+    """Where it stands what became of a machine that keeps no events; empty: it keeps some, or there is no such machine."""
+    item = plant.equipment.get(equipment) if plant else None
+    if item is None or history.has_ring(item):
+        return ""
+    return "/alarms?" + urlencode({"tab": "journal", "source": item.id})
 
 
 # ---- words ------------------------------------------------------------------------------------------------

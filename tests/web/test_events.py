@@ -256,6 +256,20 @@ def test_lost_events_are_told_and_a_machine_has_a_list_of_its_own(staff: Staff) 
     get(staff, "/equipment/nobody/events", 404)
 
 
+@pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
+def test_a_machine_that_keeps_no_events_says_so_and_where_else_to_look(staff: Staff, lang: str) -> None:
+    """Rather than that none fits, as if a filter hid them; a machine that keeps some and has none yet keeps its words."""
+    staff.client.cookies.set("pogon_lang", lang)
+    texts = runtime_of(staff.client).texts
+    none, no_ring = (texts.text(lang, f"events.{name}") for name in ("none", "no_ring"))
+    for page in (get(staff, "/equipment/m1/events").text, get(staff, "/events/list", equipment="m1").text):
+        assert no_ring in page and none not in page
+        assert '/alarms?tab=journal&amp;source=m1"' in page
+    page = get(staff, "/events", equipment="c1", q="nothing of that kind").text
+    assert none in page and no_ring not in page
+    staff.client.cookies.delete("pogon_lang")
+
+
 def test_one_event_says_all_that_it_knows_and_nothing_of_it_is_markup(staff: Staff) -> None:
     staff.enter("ana", "viewer")
     page = get(staff, "/events", **MARCH, event="deleted").text
