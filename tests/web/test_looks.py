@@ -85,6 +85,14 @@ def test_every_symbol_that_is_drawn_exists() -> None:
         assert drawn <= known, path.name
 
 
+@pytest.mark.parametrize("path", TEMPLATES, ids=lambda path: "/".join(path.parts[-3:]))
+def test_a_symbol_that_follows_nothing_is_neither_light_nor_dark(path: Path) -> None:
+    """Light says that a machine runs and dark that it stands, so one that tells neither would be wrong half of the time."""
+    drawn = re.findall(r"<svg class=\"eq\b[^>]*>.*?</svg>", path.read_text("utf-8"), re.S)
+    still = [one for one in drawn if not re.search(r"data-|shown\(|worn\(|unknown", one)]
+    assert [one for one in still if "eq-kind" not in one] == []
+
+
 def test_words_under_the_bars_of_alarms_have_room_below_their_line() -> None:
     """A letter that goes below its line, as in "today", is a third of an em deep; type there is 11 high."""
     found = 0
