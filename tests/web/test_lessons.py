@@ -203,7 +203,7 @@ def test_the_fault_of_a_learner_goes_with_the_account_and_that_of_somebody_else_
     id = staff.add(name := f"pupil{other}", "operator")
     pupil = Operator(staff, name, ("operator",)).sit()
     assert pupil.post("/lessons/motor/begin", False, machine="m2").status_code == 303
-    put_at(client, "motor", 4)
+    put_at(client, "motor", 4, id)
     pupil.take("m2")
     assert pupil.post("/lessons/motor/cause", False, step="4").status_code == 303
     assert fault_of(client) == 4
@@ -217,10 +217,11 @@ def test_the_fault_of_a_learner_goes_with_the_account_and_that_of_somebody_else_
     client.run(runtime_of(client).links["hall"].raw_write(2, 0xE010, [0]))
 
 
-def put_at(client: TestClient, lesson: str, step: int) -> None:
+def put_at(client: TestClient, lesson: str, step: int, who: int = 0) -> None:
     """As if everything before were done."""
     room = room_of(client)
-    ((key, course),) = [(key, one) for key, one in room._courses.items() if one.lesson == lesson]
+    courses = [(key, one) for key, one in room._courses.items() if one.lesson == lesson and who in (0, key[0])]
+    ((key, course),) = courses
     room._put(key, replace(course, step=step, since=runtime_of(client).clock.micros()))
 
 
