@@ -40,7 +40,8 @@ def decoder(register: Register) -> Decoder:
     length = _length(register)
     if register.type is Type.STRING:
         return lambda words: _text(register, _checked(words, length))
-    scale, offset, none = register.scale, register.offset, register.none
+    scale, offset = register.scale, register.offset
+    none = None if register.none is None else _as_signed(register, register.none)
     plain = scale == 1 and offset == 0
     if register.type is Type.F32:
         return lambda words: _real(register, _checked(words, length))

@@ -56,6 +56,9 @@ def test_no_value_is_none_both_ways() -> None:
     assert decode(register(none=0x8000), [0x8000]) is None
     assert encode(register(none=0x8000), None) == [0x8000]
     assert decode(register(Type.I16, none=None), [0x8000]) == -32768
+    assert decode(register(Type.I16, none=0x8000), [0x8000]) is None
+    assert decode(register(Type.I32, none=0x8000_0000, order=Order.CDAB), [0, 0x8000]) is None
+    assert decode(register(Type.I16, none=0x8000), [0x7FFF]) == 32767
     assert decode(register(Type.F32), encode(register(Type.F32), None)) is None
     assert decode(register(Type.F32), [0x7F80, 0]) is None
     with pytest.raises(ValueError, match="no word"):
