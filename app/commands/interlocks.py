@@ -22,6 +22,7 @@ from app.plant.definitions import (
 )
 from app.plant.expression import Expression, Look
 from app.registers.plc_map import real
+from app.registers.register import REALS
 from app.tags import quality
 from app.tags.batch import Value
 
@@ -110,7 +111,7 @@ def prepare(item: Equipment, command: Command) -> Prepared:
 def setting(item: Equipment, setpoint: Setpoint) -> Command:
     """Writing the parameter `setpoint` as a command with read-back: engineers' parameters and those with a warning are C2."""
     point = item.points[setpoint.key]
-    whole = point.register is not None and point.register.type is not Type.F32
+    whole = point.register is not None and point.register.type not in REALS
     step = abs(point.register.scale) if point.register and whole else 10.0**-point.decimals
     return Command(
         key=setpoint.key,

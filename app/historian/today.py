@@ -26,7 +26,7 @@ TOLERATED = 60_000_000
 """So much of a day in all may be missing from a figure that is called whole [µs]: it is read in minutes, and a restart takes seconds."""
 NEARLY = 0.75
 """Of what its register holds: a counter that falls from above this may have run over, not been set back."""
-BITS = {Type.U16: 16, Type.I16: 15, Type.U32: 32, Type.I32: 31, Type.U64: 64}
+BITS = {Type.U16: 16, Type.I16: 15, Type.U32: 32, Type.I32: 31, Type.U64: 64, Type.I64: 63}
 Span = tuple[int, int]
 """Begin and end [µs UTC]."""
 Step = tuple[float, float, float]

@@ -20,14 +20,14 @@ Exchange = Callable[[int, bytes], Awaitable[bytes | None]]
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Neighbouring registers that one telegram reads."""
+    """Neighbouring registers, or bits, that one telegram reads."""
 
     address: int
     """First register, 0-based."""
     count: int
-    """1 to 125."""
+    """1 to 125, of bits 2000."""
     function: int = 3
-    """03 holding, 04 input registers."""
+    """03 holding, 04 input registers, 01 coils, 02 discrete inputs."""
     cuts: tuple[int, ...] = field(default=(), compare=False)
     """Counts of registers after which it may be read in two telegrams without tearing a value."""
     again: bool = field(default=False, compare=False)
@@ -88,7 +88,7 @@ class Transport(Protocol):
         ...
 
     async def read(self, unit: int, block: Block, patience: float) -> list[int]:
-        """Exactly `block.count` words of the device `unit`.
+        """Exactly `block.count` words of the device `unit`; of bits each is 0 or 1.
 
         Raises:
             NoAnswer: silence until the time-out.
@@ -100,7 +100,8 @@ class Transport(Protocol):
         ...
 
     async def write(self, unit: int, address: int, words: Sequence[int], patience: float, function: int = 6) -> None:
-        """Write `words` from `address` on with function 06 (one word) or 16; returns when the echo equals the request.
+        """Write `words` from `address` on with function 06 (one word) or 16, bits with 05 (one) or 15; returns when the echo equals
+        the request.
 
         Raises:
             NoAnswer, NotConnected, BadAnswer, DeviceException: as `read`; whether the device acted is not known then.

@@ -12,7 +12,7 @@ from app.links.bus_access import BusAccess
 from app.links.contract import Block
 from app.links.scan_block import ScanBlock
 from app.links.station import Finding, Station, spans_of
-from app.registers.pdu import MAX_READ
+from app.registers.pdu import BITS, READ_COILS, READ_HOLDING, most_read
 
 log = logging.getLogger(__name__)
 
@@ -107,14 +107,11 @@ class Examiner:
             return
         learned = station.learned
         if finding.limit is not None:
-            fallback = station.device.fallback_read
-            learned.limit = fallback if 0 < fallback < block.block.count else max(finding.limit, finding.taken)
-            self._tell_limit(
-                station,
-                LinkError(
-                    f"{block.block.count} registers from {block.block.address:#06x} {'not answered' if finding.silence else 'refused'}"
-                ),
-            )
+            fallback = 0 if function in BITS else station.device.fallback_read
+            smaller = fallback if 0 < fallback < block.block.count else max(finding.limit, finding.taken)
+            learned.take_at_most(function, smaller)
+            what = f"{block.block.count} {'bits' if function in BITS else 'registers'} from {block.block.address:#06x}"
+            self._tell_limit(station, LinkError(f"{what} {'not answered' if finding.silence else 'refused'}"), function)
         learned.gaps.update((function, first, last) for first, last in finding.gaps)
         learned.bad.update((function, first, last) for first, last in finding.bad)
         learned.known.update((function, first, last) for first, last in known.intersection(finding.bad))
@@ -186,7 +183,7 @@ class Examiner:
             LinkError: it does not.
         """
         silence = NoAnswer(f"unit {station.number}: nothing is read")
-        for turn in range(min(WITNESSES, len(station.blocks)) if station.largest is None else 1):
+        for turn in range(min(WITNESSES, len(station.blocks)) if not station.answered else 1):
             try:
                 await self._bus.read(station, replace(station.probe(turn), again=True))
                 return
@@ -222,17 +219,19 @@ class Examiner:
             learned.bad.clear()
             learned.gaps.clear()
             learned.known.clear()
-            if known and learned.limit < station.proven:
-                learned.limit = MAX_READ
+            for function in (READ_HOLDING, READ_COILS) if known else ():
+                if learned.most(function) < station.proven(function):
+                    learned.take_at_most(function, most_read(function))
             self._bus.replan(station)
         station.recheck = None
 
-    def _tell_limit(self, station: Station, error: LinkError) -> None:
+    def _tell_limit(self, station: Station, error: LinkError, function: int = READ_HOLDING) -> None:
         log.warning(
-            "unit takes fewer registers per read link=%s unit=%d limit=%d reason=%s",
+            "unit takes fewer %s per read link=%s unit=%d limit=%d reason=%s",
+            "bits" if function in BITS else "registers",
             station.link.name,
             station.number,
-            station.learned.limit,
+            station.learned.most(function),
             error,
         )
 
@@ -244,8 +243,9 @@ def _refused(station: Station) -> tuple[list[Block], bool]:
     """
     learned = station.learned
     known = [Block(first, last - first + 1, function) for function, first, last in sorted(learned.known & learned.bad)]
-    if station.largest is not None and station.proven > learned.limit:
-        known.append(station.largest)
+    for largest in (station.largest, station.largest_of_bits):
+        if largest is not None and largest.count > learned.most(largest.function):
+            known.append(largest)
     if known:
         return known, True
     return [Block(first, last - first + 1, function) for function, first, last in sorted(learned.bad)], False

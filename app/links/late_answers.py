@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.links.contract import Block
-from app.registers.pdu import READS, Request, build_answer
+from app.registers.pdu import BITS, READS, Request, build_answer, most_read, size_of
 
 LATEST = 10.0
 """A device that has not answered for so long has forgotten the request [s]; later answers are beyond what this can tell."""
 SPANS = 8
 """Ranges that each unit is known to answer, the largest are kept."""
 TRIALS = 8
-"""How many registers more a unit that never answered is asked for, to tell its answers apart."""
+"""How many registers more, or bytes of bits, a unit that never answered is asked for, to tell its answers apart."""
 
 Pattern = tuple[int, int, bytes]
 """Unit, function, and what tells two answers apart: the byte count of a read, the echo of a write."""
@@ -24,7 +24,7 @@ Pattern = tuple[int, int, bytes]
 def pattern_of_request(unit: int, request: Request) -> Pattern:
     """How the answer to `request` will look."""
     if request.function in READS:
-        return unit, request.function, bytes((2 * request.count,))
+        return unit, request.function, bytes((size_of(request.function, request.count),))
     return unit, request.function, build_answer(request)[1:]
 
 
@@ -99,15 +99,14 @@ class LateAnswers:
         """
         if not self.owes(unit, block.function, now):
             return [Piece(block, 0, block.count)], 0.0
-        taken = {
-            pattern[2][0] // 2: until for pattern, until, _ in self._patterns if pattern[:2] == (unit, block.function)
-        }
-        if block.count not in taken:
+        taken = {pattern[2][0]: until for pattern, until, _ in self._patterns if pattern[:2] == (unit, block.function)}
+        size = size_of(block.function, block.count)
+        if size not in taken:
             return [Piece(block, 0, block.count)], 0.0
         found = self._grown(unit, block, taken) or _cut(block, taken)
         if not found and (unit, block.function) not in self._proven:
             found = _tried(block, taken)
-        return found, 0.0 if found else max(0.0, taken[block.count] - now)
+        return found, 0.0 if found else max(0.0, taken[size] - now)
 
     def _grown(self, unit: int, block: Block, taken: dict[int, float]) -> list[Piece]:
         best: list[Piece] = []
@@ -115,7 +114,7 @@ class LateAnswers:
             if not (first <= block.address and block.last <= last):
                 continue
             for count in range(block.count + 1, last - first + 2):
-                if count not in taken and (not best or count < best[0].block.count):
+                if size_of(block.function, count) not in taken and (not best or count < best[0].block.count):
                     begin = max(first, min(block.address, last + 1 - count))
                     best = [Piece(Block(begin, count, block.function), block.address - begin, block.count)]
                     break
@@ -123,11 +122,15 @@ class LateAnswers:
 
 
 def _cut(block: Block, taken: dict[int, float]) -> list[Piece]:
-    """The fewest parts, none of a length that is owed."""
+    """The fewest parts, none of a length that is owed. `taken`: lengths [bytes] → until when."""
     ends = (0, *block.cuts, block.count)
     best: dict[int, list[int]] = {0: []}
     for end in ends[1:]:
-        ways = [best[begin] for begin in ends if begin < end and begin in best and end - begin not in taken]
+        ways = [
+            best[begin]
+            for begin in ends
+            if begin < end and begin in best and size_of(block.function, end - begin) not in taken
+        ]
         if ways:
             best[end] = [*min(ways, key=len), end]
     parts, begin = [], 0
@@ -139,7 +142,9 @@ def _cut(block: Block, taken: dict[int, float]) -> list[Piece]:
 
 def _tried(block: Block, taken: dict[int, float]) -> list[Piece]:
     """A few registers more than asked for; nobody knows whether they exist."""
-    for count in range(block.count + 1, block.count + 1 + TRIALS):
-        if count not in taken and count <= 125 and block.address + count <= 0x10000:
+    most = min(most_read(block.function), 0x10000 - block.address)
+    trials = TRIALS * 8 if block.function in BITS else TRIALS
+    for count in range(block.count + 1, min(block.count + trials, most) + 1):
+        if size_of(block.function, count) not in taken:
             return [Piece(Block(block.address, count, block.function), 0, block.count)]
     return []

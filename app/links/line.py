@@ -14,6 +14,7 @@ from app.links.schedule import PERMIT, Job, Priority, Schedule
 from app.links.station import Station
 from app.links.statistics import LinkState, LinkStatistics, StatisticsPublisher, UnitStatistics
 from app.plant.definitions import Link
+from app.registers.pdu import READ_HOLDING
 from app.registers.rtu import read_time, write_time
 from app.tags.database import TagDatabase
 
@@ -82,10 +83,10 @@ class Line:
         self._schedule.at(block, due)
         self._wake()
 
-    def written(self, station: Station, address: int, count: int) -> None:
-        """What holds these registers is read again now."""
+    def written(self, station: Station, address: int, count: int, function: int = READ_HOLDING) -> None:
+        """What holds these registers, or what else `function` reads, is read again now."""
         if station.state is LinkState.UP:
-            for block in station.around(3, address, address + count - 1):
+            for block in station.around(function, address, address + count - 1):
                 self._schedule.at(block, self._now())
             self._wake()
 
@@ -153,7 +154,9 @@ class Line:
         """Time of a telegram on a serial line with both silences [s]; 0 elsewhere."""
         if self.link.transport != "rtu":
             return 0.0
-        return read_time(self.link.baud, read.count) if read else write_time(self.link.baud, words, function)
+        if read:
+            return read_time(self.link.baud, read.count, read.function)
+        return write_time(self.link.baud, words, function)
 
     def attend(self, station: Station, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         """Do `work` for a station beside its scans."""

@@ -24,6 +24,7 @@ from app.links.station import Station
 from app.links.statistics import LinkState
 from app.links.training_head import UNTOLD, look_at_head
 from app.plant.definitions import Link, MailboxMap, ParameterMap, PlcMap, UnitService
+from app.registers.pdu import BITS, READ_HOLDING
 from app.tags.database import TagDatabase
 from app.tags.quality import COMM_FAILURE, CONFIGURATION, DEVICE
 
@@ -86,7 +87,7 @@ class Outages(Line):
             self._schedule.at(block, block.due, first=True)
         else:
             block.attempts = 0
-            if block.block.count > max(station.proven, station.device.fallback_read) and station.device.fallback_read:
+            if _above_fallback(station, block):
                 self.attend(station, self._examiner.try_smaller(station, block, error))
             elif block.words is None and block.part is None and isinstance(error, NoAnswer | BadAnswer):
                 self.attend(station, self._examiner.examine_silence(station, block, error))
@@ -183,7 +184,7 @@ class Outages(Line):
     async def _probe(self, station: Station) -> None:
         """Ask a silent unit for one register now and then, until it answers."""
         pause, tries = FIRST_PROBE, 0
-        known = station.proven > 0
+        known = station.answered
         patience = max(SHORTEST_PATIENCE, PATIENCES * self.statistics.units[station.number].turnaround)
         while True:
             wait = min(pause, KNOWN_PROBE if known else LAST_PROBE) * chance.uniform(0.9, 1.1)
@@ -215,7 +216,7 @@ class Outages(Line):
             pause = min(2 * pause, LAST_PROBE)
             self._reopen_when_all_silent()
         for other in self.stations.values():  # what kept them silent may be over for all
-            if other is not station and (self._all_silent or other.proven):
+            if other is not station and (self._all_silent or other.answered):
                 other.probe_now.set()
         if self._several:
             log.info("unit answers link=%s unit=%d", self.link.name, station.number)
@@ -282,7 +283,8 @@ class Outages(Line):
             station.marked = True
             return True
         station.marked = station.untold = False
-        if any(first <= station.device.training <= last for first, last in station.device.holes):
+        device = station.device
+        if READ_HOLDING not in device.read_functions or any(a <= device.training <= b for a, b in device.holes):
             return heard or await self._is_there(station)
         for _ in range(1 + RETRIES):
             told = await look_at_head(self, station)
@@ -346,3 +348,9 @@ class Outages(Line):
         station.services = [
             KINDS[type(definition)](self, station, definition) for definition in station.device.services
         ]
+
+
+def _above_fallback(station: Station, block: ScanBlock) -> bool:
+    """Whether a read asks for more registers than the unit ever answered, and its device is known to take fewer."""
+    function, fallback = block.block.function, station.device.fallback_read
+    return function not in BITS and fallback > 0 and block.block.count > max(station.proven(function), fallback)

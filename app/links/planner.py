@@ -2,25 +2,31 @@
 
 Cost of a plan [registers] = telegrams x overhead + registers read; the plan of least cost is found exactly (dynamic programming over the
 points in order of address). Overhead is what a telegram costs beside its registers: reference/modbus.md section 1 and section 3 item 3.
+Coils and discrete inputs are planned alike, counted in bits; no telegram reads of two tables.
 """
 
 from bisect import bisect_left
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from operator import itemgetter
 
 from app.links.contract import Block
 from app.plant.definitions import Device, Link, Point, Register, Scan, TableMap
-from app.registers.pdu import MAX_READ, READ_HOLDING, READ_INPUT
+from app.registers.pdu import (
+    BITS,
+    FUNCTIONS,
+    MAX_READ,
+    MAX_READ_BITS,
+    READ_HOLDING,
+    most_read,
+)
 from app.registers.plc_map import TABLE_HEAD
 from app.registers.rtu import character_time, read_time
 
+BITS_OF_REGISTER = 16
 NETWORK_OVERHEAD = 10_000.0
 """Over TCP and in memory a register costs next to nothing: first the fewest telegrams, then the fewest registers."""
-
-FUNCTIONS: Mapping[str, int] = {"holding": READ_HOLDING, "input": READ_INPUT}
-"""Table → function code that reads it."""
 
 Span = tuple[int, int]
 """First and last address."""
@@ -78,12 +84,25 @@ class Learned:
 
     limit: int = MAX_READ
     """Most registers per read."""
+    bit_limit: int = MAX_READ_BITS
+    """Most bits per read."""
     bad: set[tuple[int, int, int]] = field(default_factory=set)
     """(function, first, last) of registers that the device refuses."""
     known: set[tuple[int, int, int]] = field(default_factory=set)
     """Of them, those that it had answered before."""
     gaps: set[tuple[int, int, int]] = field(default_factory=set)
     """(function, first, last) of unused registers that no block may span."""
+
+    def most(self, function: int) -> int:
+        """Most registers, or bits, of one read with `function`."""
+        return self.bit_limit if function in BITS else self.limit
+
+    def take_at_most(self, function: int, limit: int) -> None:
+        """From now on no read with `function` asks for more."""
+        if function in BITS:
+            self.bit_limit = limit
+        else:
+            self.limit = limit
 
 
 def overhead(link: Link, device: Device) -> float:
@@ -111,19 +130,18 @@ def plan(points: Iterable[Point], device: Device, cost: float, learned: Learned 
         if register is None or not register.readable:
             continue
         function = FUNCTIONS[register.table]
-        if _is_unreadable(register, function, device, learned) or register.words > limit_of(
-            device, point.scan, learned
-        ):
+        limit = limit_of(device, point.scan, learned, function)
+        if _is_unreadable(register, function, device, learned) or register.words > limit:
             unreadable.append(point)
         else:
             classes.setdefault((point.scan, function), []).append(point)
     for scan in Scan:
         for function in sorted(set(FUNCTIONS.values())):
             wanted = classes.get((scan, function), [])
-            limit = limit_of(device, scan, learned)
+            limit = limit_of(device, scan, learned, function)
             wanted = _ride(wanted, readings, function, limit)
             walls = _walls(device, function, learned)
-            for group in _cut(wanted, limit, walls, cost):
+            for group in _cut(wanted, limit, walls, cost * BITS_OF_REGISTER if function in BITS else cost):
                 readings.append(Reading(_around(group, function), scan, tuple(group)))
     return Plan(tuple(readings), tuple(unreadable))
 
@@ -133,8 +151,10 @@ def span_of(register: Register) -> Span:
     return register.address, register.address + register.words - 1
 
 
-def limit_of(device: Device, scan: Scan, learned: Learned) -> int:
-    """Most registers of one read."""
+def limit_of(device: Device, scan: Scan, learned: Learned, function: int = READ_HOLDING) -> int:
+    """Most registers, or bits, of one read."""
+    if function in BITS:
+        return max(1, min(device.max_read_bits, learned.bit_limit, most_read(function)))
     return max(1, min(device.max_read, device.group_read.get(scan.value, MAX_READ), learned.limit, MAX_READ))
 
 
@@ -142,14 +162,21 @@ def _is_unreadable(register: Register, function: int, device: Device, learned: L
     first, last = span_of(register)
     if function not in device.read_functions or last > 0xFFFF:
         return True
-    silent = (*device.holes, *device.write_only, *((a, b) for f, a, b in learned.bad if f == function))
+    silent = (*_never(device, function), *((a, b) for f, a, b in learned.bad if f == function))
     return any(first <= b and a <= last for a, b in silent)
+
+
+def _never(device: Device, function: int) -> Sequence[Span]:
+    """Addresses that no read with `function` may touch: the device says so of registers."""
+    if function in BITS:
+        return ()
+    return (*device.holes, *(device.write_only if function == READ_HOLDING else ()))
 
 
 def _walls(device: Device, function: int, learned: Learned) -> list[Span]:
     known = ((a, b) for f, a, b in learned.bad | learned.gaps if f == function)
     apart: list[Span] = []
-    for first, last in sorted([*device.holes, *device.write_only, *known]):
+    for first, last in sorted([*_never(device, function), *known]):
         if apart and first <= apart[-1][1]:
             apart[-1] = apart[-1][0], max(last, apart[-1][1])
         else:

@@ -150,8 +150,8 @@ class PlcUnit:
 
     def takes(self, register: Register) -> bool:
         """Whether `register` is a setpoint in effect: it is changed through the staging area only."""
-        settings = self.map.settings
-        return settings is not None and settings.address <= register.address < settings.address + settings.words
+        map, at = self.map.settings, register.address
+        return map is not None and register.table == "holding" and map.address <= at < map.address + map.words
 
     async def write(self, writes: Sequence[SetWrite]) -> int:
         """Put `writes` into the set of setpoints and have the device take it as a whole (orders.py); the id that it knows this by."""

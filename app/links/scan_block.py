@@ -156,7 +156,7 @@ def word_decoder(register: Register) -> WordDecoder | None:
     A quotient by a power of ten is the number nearest to the decimal one, so nothing is rounded afterwards.
     """
     plain = register.words == 1 and register.order is Order.ABCD and register.none is None and register.offset == 0
-    if not plain or register.type is not Type.U16:
+    if not plain or register.type not in (Type.U16, Type.BIT):
         return None
     keep, shift = 0xFFFF if register.mask is None else register.mask, register.shift
     whole = register.mask is None and shift == 0

@@ -8,12 +8,13 @@ from typing import TypeVar
 
 from app.links.contract import Block
 from app.links.map_plan import plan_map
-from app.links.planner import FUNCTIONS, Learned, Plan, Reading, Rows, overhead, plan, span_of
+from app.links.planner import Learned, Plan, Reading, Rows, overhead, plan, span_of
 from app.links.scan_block import ScanBlock
 from app.links.services import Service
 from app.links.statistics import LinkState
 from app.links.table_block import TableBlock
 from app.plant.definitions import Device, Equipment, Link, Point, Scan
+from app.registers.pdu import BITS, FUNCTIONS
 from app.tags.batch import Batch
 from app.tags.database import TagDatabase
 from app.tags.quality import GOOD, HALTED, NOT_CONNECTED, Origin
@@ -42,6 +43,8 @@ class Station:
     learned: Learned = field(default_factory=Learned)
     largest: Block | None = None
     """The read with most registers that it ever answered."""
+    largest_of_bits: Block | None = None
+    """The read with most bits that it ever answered."""
     tasks: set[asyncio.Task[None]] = field(default_factory=set)
     """What is being done to get it going: identify, probe, find out what it refuses."""
     recheck: asyncio.Task[None] | None = None
@@ -94,13 +97,22 @@ class Station:
         return self.link.may_write
 
     @property
-    def proven(self) -> int:
-        """Most registers that it ever answered in one read."""
-        return 0 if self.largest is None else self.largest.count
+    def answered(self) -> bool:
+        """Whether it ever answered a read."""
+        return bool(self.largest or self.largest_of_bits)
+
+    def proven(self, function: int) -> int:
+        """Most registers, or bits, that it ever answered in one read with `function` or its like."""
+        block = self.largest_of_bits if function in BITS else self.largest
+        return 0 if block is None else block.count
 
     def prove(self, block: Block) -> None:
         """It has answered `block`."""
-        if block.count > self.proven:
+        if block.count <= self.proven(block.function):
+            return
+        if block.function in BITS:
+            self.largest_of_bits = block
+        else:
             self.largest = block
 
     def service(self, kind: type[S]) -> S | None:
@@ -136,7 +148,7 @@ class Station:
 
     def probe(self, turn: int = 0) -> Block:
         """One register that the device answered, or should: each `turn` of another block, the fastest first, else the first of its map."""
-        known = self.largest
+        known = self.largest or self.largest_of_bits
         if known is None and self.blocks:
             known = self.blocks[turn % len(self.blocks)].block
         if known is not None:

@@ -11,9 +11,9 @@ from app.links.schedule import Priority
 from app.links.services import SetWrite
 from app.links.station import Station
 from app.links.statistics import LinkState
-from app.plant.definitions import Equipment, Register
+from app.plant.definitions import Equipment, Register, Type
 from app.registers.codec import encode
-from app.registers.pdu import WRITE_MULTIPLE, WRITE_SINGLE
+from app.registers.pdu import FUNCTIONS, WRITE_COIL, WRITE_COILS, WRITE_MULTIPLE, WRITE_SINGLE
 
 
 class Writes:
@@ -31,12 +31,12 @@ class Writes:
         if service is not None:
             self.check(station, urgent=urgent)
             return await service.write([(name, register, words)])
-        function = _write_function(station, name, words)
+        function = _write_function(station, name, register, words)
         self.check(station, urgent=urgent)
         if register.mask is not None and register.readable:
             words = await self._merged(station, register, words)
         await self.send(item.unit, register.address, words, function, urgent=urgent)
-        self._runner.written(station, register.address, len(words))
+        self._runner.written(station, register.address, len(words), FUNCTIONS[register.table])
         return 0
 
     def together(self, equipment: str, points: Sequence[str]) -> list[list[str]]:
@@ -121,8 +121,13 @@ class Writes:
         return merged(register, now, words)
 
 
-def _write_function(station: Station, name: str, words: Sequence[int]) -> int:
+def _write_function(station: Station, name: str, register: Register, words: Sequence[int]) -> int:
     device = station.device
+    if register.type is Type.BIT:
+        for function in (WRITE_COIL, WRITE_COILS):
+            if function in device.write_functions:
+                return function
+        raise LinkError(f"{name}: a coil cannot be written with functions {list(device.write_functions)}")
     if len(words) == 1 and WRITE_SINGLE in device.write_functions:
         return WRITE_SINGLE
     if WRITE_MULTIPLE in device.write_functions and len(words) <= max(1, device.max_write):

@@ -344,6 +344,8 @@ class Device:
 
     max_read: int = 125
     """Registers per read."""
+    max_read_bits: int = 2000
+    """Coils, or discrete inputs, per read."""
     fallback_read: int = 0
     """Registers per read after exception 02/03 or silence at the larger size; 0 = none."""
     group_read: Mapping[str, int] = field(default_factory=dict)

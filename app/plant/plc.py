@@ -229,7 +229,7 @@ def check_points(head: Table, plc: PlcMap, points: Mapping[str, Register | None]
         table.note("events", Plain("true"), said("mistake.event_keys", table="[events]"))
     images = [*plc.images, *([plc.settings] if plc.settings else [])]
     for key, register in points.items():
-        for image in images if register else ():
+        for image in images if register and register.table == "holding" else ():
             assert register
             inside = [
                 image.address <= address < image.address + image.words

@@ -5,7 +5,7 @@ import struct
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 
-from app.registers.register import Order, Register, Type
+from app.registers.register import REALS, Order, Register, Type
 
 Value = float | int | str | None
 Decoder = Callable[[Sequence[int]], Value]
@@ -17,7 +17,10 @@ _FORMATS = {
     Type.I32: ">i",
     Type.F32: ">f",
     Type.U64: ">Q",
+    Type.I64: ">q",
+    Type.F64: ">d",
 }
+_SIGNED = (Type.I16, Type.I32, Type.I64)
 _SWAPPED_WORDS = (Order.CDAB, Order.DCBA)
 _SWAPPED_BYTES = (Order.BADC, Order.DCBA)
 
@@ -29,7 +32,7 @@ def decode(register: Register, words: Sequence[int]) -> Value:
     4000 hundredths are 40.0. Text ends at the first NUL; bytes that are no UTF-8 become U+FFFD.
 
     Raises:
-        ValueError: not as many words as the register has, or a word outside 0…65535.
+        ValueError: not as many words as the register has, a word outside 0…65535, or a bit that is neither 0 nor 1.
     """
     return decoder(register)(words)
 
@@ -43,7 +46,9 @@ def decoder(register: Register) -> Decoder:
     scale, offset = register.scale, register.offset
     none = None if register.none is None else _as_signed(register, register.none)
     plain = scale == 1 and offset == 0
-    if register.type is Type.F32:
+    if register.type is Type.BIT:
+        return lambda words: _bit(_checked(words, length)[0])
+    if register.type in REALS:
         return lambda words: _real(register, _checked(words, length))
     places = _decimals(scale, offset)
     mask, shift = register.mask, register.shift
@@ -65,7 +70,7 @@ def decoder(register: Register) -> Decoder:
 def encode(register: Register, value: Value) -> list[int]:
     """The words that a device must get to hold `value`; of a masked register only the bits that belong to the value.
 
-    A number between two steps of the scale goes to the nearer one. None becomes the raw value `none`, or NaN for f32.
+    A number between two steps of the scale goes to the nearer one. None becomes the raw value `none`, or NaN for a real.
 
     Raises:
         ValueError: the value does not fit; names the value and the limits.
@@ -74,14 +79,14 @@ def encode(register: Register, value: Value) -> list[int]:
     if register.type is Type.STRING:
         return _text_words(register, value, length)
     if value is None:
-        if register.type is Type.F32:
+        if register.type in REALS:
             return _pack(register, math.nan)
         if register.none is None:
             raise ValueError(f'register 0x{register.address:04X} has no word for "no value", expected a number')
         return _pack(register, _as_signed(register, register.none))
     if isinstance(value, str) or not math.isfinite(value):
         raise ValueError(f"register 0x{register.address:04X} takes a finite number, not {value!r}")
-    if register.type is Type.F32:
+    if register.type in REALS:
         return _pack_real(register, value)
     low, high = raw_limits(register)
     # whole numbers without scaling stay exact beyond 2**53
@@ -100,10 +105,12 @@ def encode(register: Register, value: Value) -> list[int]:
 
 def raw_limits(register: Register) -> tuple[int, int]:
     """Least and greatest raw number that the register's type and mask can hold (before scaling)."""
+    if register.type is Type.BIT:
+        return 0, 1
     bits = 16 * _length(register)
     if register.mask is not None:
         return 0, min(register.mask, (1 << bits) - 1 >> register.shift)
-    if register.type in (Type.I16, Type.I32):
+    if register.type in _SIGNED:
         return -(1 << bits - 1) >> register.shift, (1 << bits - 1) - 1 >> register.shift
     return 0, (1 << bits) - 1 >> register.shift
 
@@ -111,6 +118,8 @@ def raw_limits(register: Register) -> tuple[int, int]:
 def _length(register: Register) -> int:
     if register.type is Type.STRING:
         return register.words
+    if register.type is Type.BIT:
+        return 1
     return struct.calcsize(_FORMATS[register.type]) // 2
 
 
@@ -139,19 +148,30 @@ def _unpack(register: Register, words: Sequence[int]) -> float:
 
 
 def _pack(register: Register, raw: float) -> list[int]:
+    if register.type is Type.BIT:
+        return [int(raw)]
     return _words(struct.pack(_FORMATS[register.type], raw), register.order)
+
+
+def _bit(word: int) -> int:
+    if word > 1:
+        raise ValueError(f"bit {word}, expected 0 or 1")
+    return word
 
 
 def _real(register: Register, words: Sequence[int]) -> float | None:
     number = _unpack(register, words)
     if not math.isfinite(number):
         return None
-    if register.none is not None and struct.unpack(">I", struct.pack(">f", number))[0] == register.none:
+    double = register.type is Type.F64
+    raw = int.from_bytes(struct.pack(">d" if double else ">f", number))
+    if register.none is not None and raw == register.none:
         return None
-    shortest = shortest_of(number)
+    shortest = number if double else shortest_of(number)
     if register.scale == 1 and register.offset == 0:
         return shortest
-    return float(f"{shortest * register.scale + register.offset:.9g}")
+    scaled = shortest * register.scale + register.offset
+    return float(f"{scaled:.{15 if double else 9}g}") if math.isfinite(scaled) else None
 
 
 def shortest_of(number: float) -> float:
@@ -168,9 +188,13 @@ def shortest_of(number: float) -> float:
 
 def _pack_real(register: Register, value: float) -> list[int]:
     try:
-        return _pack(register, (value - register.offset) / register.scale)
-    except OverflowError as error:
-        raise ValueError(f"register 0x{register.address:04X} takes -3.4e+38 to 3.4e+38, not {value:g}") from error
+        raw = (value - register.offset) / register.scale
+        if math.isfinite(raw):
+            return _pack(register, raw)
+    except OverflowError:
+        pass
+    most = "1.8e+308" if register.type is Type.F64 else "3.4e+38"
+    raise ValueError(f"register 0x{register.address:04X} takes -{most} to {most}, not {value:g}")
 
 
 def _text(register: Register, words: Sequence[int]) -> str:
@@ -192,7 +216,7 @@ def _text_words(register: Register, value: Value, length: int) -> list[int]:
 
 def _as_signed(register: Register, raw: int) -> int:
     bits = 16 * _length(register)
-    return raw - (1 << bits) if register.type in (Type.I16, Type.I32) and raw >= 1 << bits - 1 else raw
+    return raw - (1 << bits) if register.type in _SIGNED and raw >= 1 << bits - 1 else raw
 
 
 def _decimals(scale: float, offset: float) -> int:

@@ -1,29 +1,56 @@
 """Modbus telegrams without their envelope: function code and data, built and parsed on both ends.
 
-A PDU is what RTU (unit, PDU, check sum) and TCP (header, PDU) have in common, at most 253 bytes. Function codes 03, 04, 06, 16 and 23;
-limits from the Modbus application protocol 1.1b3 (reference/modbus.md section 2).
+A PDU is what RTU (unit, PDU, check sum) and TCP (header, PDU) have in common, at most 253 bytes. Function codes 03, 04, 06, 16 and 23
+of registers, 01, 02, 05 and 15 of bits, of which a "word" is 0 or 1; limits from the Modbus application protocol 1.1b3
+(reference/modbus.md section 2).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from struct import Struct, error, pack
 
 from app.errors import BadAnswer, DeviceException
 
+READ_COILS = 1
+READ_DISCRETE = 2
 READ_HOLDING = 3
 READ_INPUT = 4
+WRITE_COIL = 5
 WRITE_SINGLE = 6
+WRITE_COILS = 15
 WRITE_MULTIPLE = 16
 READ_WRITE = 23
-READS = (READ_HOLDING, READ_INPUT, READ_WRITE)
-WRITES = (WRITE_SINGLE, WRITE_MULTIPLE, READ_WRITE)
+READS = (READ_COILS, READ_DISCRETE, READ_HOLDING, READ_INPUT, READ_WRITE)
+WRITES = (WRITE_COIL, WRITE_SINGLE, WRITE_COILS, WRITE_MULTIPLE, READ_WRITE)
+FUNCTIONS: Mapping[str, int] = {
+    "holding": READ_HOLDING,
+    "input": READ_INPUT,
+    "coil": READ_COILS,
+    "discrete": READ_DISCRETE,
+}
+"""Table → function that reads it."""
+BITS = (READ_COILS, READ_DISCRETE, WRITE_COIL, WRITE_COILS)
+"""Functions of coils and discrete inputs."""
 
 MAX_PDU = 253
 MAX_READ = 125
 MAX_WRITE = 123
 MAX_READ_WRITE = 121
 """Registers that function 23 writes."""
+MAX_READ_BITS = 2000
+MAX_WRITE_BITS = 1968
+COIL_ON = 0xFF00
+"""What function 05 carries for 1."""
+
+_MOST_READ = dict.fromkeys(READS, MAX_READ) | dict.fromkeys((READ_COILS, READ_DISCRETE), MAX_READ_BITS)
+_MOST_WRITTEN = {
+    WRITE_COIL: 1,
+    WRITE_SINGLE: 1,
+    WRITE_COILS: MAX_WRITE_BITS,
+    WRITE_MULTIPLE: MAX_WRITE,
+    READ_WRITE: MAX_READ_WRITE,
+}
 
 ILLEGAL_FUNCTION = 1
 ILLEGAL_ADDRESS = 2
@@ -37,7 +64,7 @@ _READ_WRITE_HEAD = Struct(">HHHHB")
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a master asks: registers to read, words to write, or both (function 23)."""
+    """What a master asks: registers to read, words to write, or both (function 23). Of bits a word is 0 or 1."""
 
     function: int
     address: int = 0
@@ -57,6 +84,16 @@ class Request:
 def read_request(address: int, count: int, function: int = READ_HOLDING) -> bytes:
     """PDU that reads `count` registers from the 0-based `address`."""
     return build_request(Request(function, address, count))
+
+
+def most_read(function: int) -> int:
+    """Most registers, or bits, that one telegram with `function` reads."""
+    return _MOST_READ[function]
+
+
+def size_of(function: int, count: int) -> int:
+    """Bytes that carry `count` registers, or bits where `function` is one of bits."""
+    return (count + 7) // 8 if function in BITS else 2 * count
 
 
 def write_request(address: int, words: Sequence[int], *, multiple: bool | None = None) -> bytes:
@@ -85,11 +122,11 @@ def _build(request: Request) -> bytes:
     check = _fault_of(request)
     if check:
         raise ValueError(f"{request} is no telegram: exception {check:02d} would be the answer")
-    words = pack(f">{len(request.words)}H", *request.words)
+    words = _data(request.function, request.words)
     head = bytes((request.function,))
-    if request.function == WRITE_SINGLE:
-        return head + _PAIR.pack(request.write_address, request.words[0])
-    if request.function == WRITE_MULTIPLE:
+    if request.function in (WRITE_SINGLE, WRITE_COIL):
+        return head + _PAIR.pack(request.write_address, _single(request))
+    if request.function in (WRITE_MULTIPLE, WRITE_COILS):
         return head + _WRITE_HEAD.pack(request.write_address, len(request.words), len(words)) + words
     if request.function == READ_WRITE:
         spans = (request.address, request.count, request.write_address, len(request.words))
@@ -101,8 +138,8 @@ def parse_request(pdu: bytes) -> Request:
     """The request in `pdu`, as a slave reads it.
 
     Raises:
-        DeviceException: 01 for a function that is none of 03, 04, 06, 16, 23; 03 for a wrong length or count; 02 for a
-            range that ends behind 0xFFFF.
+        DeviceException: 01 for a function that is none of 01 to 06, 15, 16, 23; 03 for a wrong length or count, or a coil that
+            is neither on nor off; 02 for a range that ends behind 0xFFFF.
     """
     function = pdu[0] if pdu else 0
     if function not in READS and function not in WRITES:
@@ -121,9 +158,13 @@ def _parse(function: int, data: bytes) -> Request:
     if function == WRITE_SINGLE:
         address, word = _PAIR.unpack(data)
         return Request(function, write_address=address, words=(word,))
-    if function == WRITE_MULTIPLE:
+    if function == WRITE_COIL:
+        address, word = _PAIR.unpack(data)
+        # what is neither on nor off stays itself, and so is no bit
+        return Request(function, write_address=address, words=({COIL_ON: 1, 1: COIL_ON}.get(word, word),))
+    if function in (WRITE_MULTIPLE, WRITE_COILS):
         address, count, size = _WRITE_HEAD.unpack_from(data)
-        return Request(function, write_address=address, words=_words(data[_WRITE_HEAD.size :], count, size))
+        return Request(function, write_address=address, words=_words(data[_WRITE_HEAD.size :], count, size, function))
     if function == READ_WRITE:
         address, count, write_address, write_count, size = _READ_WRITE_HEAD.unpack_from(data)
         words = _words(data[_READ_WRITE_HEAD.size :], write_count, size)
@@ -132,10 +173,32 @@ def _parse(function: int, data: bytes) -> Request:
     return Request(function, address, count)
 
 
-def _words(data: bytes, count: int, size: int) -> tuple[int, ...]:
-    if not size == len(data) == 2 * count:
-        raise error(f"{len(data)} bytes, announced {size}, for {count} registers")
-    return Struct(f">{count}H").unpack(data)
+def _words(data: bytes, count: int, size: int, function: int = WRITE_MULTIPLE) -> tuple[int, ...]:
+    if not size == len(data) == size_of(function, count):
+        raise error(f"{len(data)} bytes, announced {size}, for {count} {'bits' if function in BITS else 'registers'}")
+    if function not in BITS:
+        return Struct(f">{count}H").unpack(data)
+    if count % 8 and data[-1] >> count % 8:
+        raise error(f"bits behind the last of {count}, expected 0")
+    return _bits(data, count)
+
+
+def _bits(data: bytes, count: int) -> tuple[int, ...]:
+    """The first `count` bits, the lowest of each byte first; what fills up the last byte means nothing."""
+    return tuple(data[at >> 3] >> (at & 7) & 1 for at in range(count))
+
+
+def _data(function: int, words: Sequence[int]) -> bytes:
+    """`words` as a telegram carries them."""
+    if function not in BITS:
+        return pack(f">{len(words)}H", *words)
+    whole = sum(1 << at for at, bit in enumerate(words) if bit)
+    return whole.to_bytes(size_of(function, len(words)), "little")
+
+
+def _single(request: Request) -> int:
+    word = request.words[0]
+    return (COIL_ON if word else 0) if request.function == WRITE_COIL else word
 
 
 def _fault_of(request: Request) -> int:
@@ -143,11 +206,11 @@ def _fault_of(request: Request) -> int:
     function, words = request.function, len(request.words)
     if function not in READS and function not in WRITES:
         return ILLEGAL_FUNCTION
-    most = {WRITE_SINGLE: 1, WRITE_MULTIPLE: MAX_WRITE, READ_WRITE: MAX_READ_WRITE}.get(function, 0)
-    if not (1 if most else 0) <= words <= most or any(not 0 <= word <= 0xFFFF for word in request.words):
+    most, largest = _MOST_WRITTEN.get(function, 0), 1 if function in BITS else 0xFFFF
+    if not (1 if most else 0) <= words <= most or any(not 0 <= word <= largest for word in request.words):
         return ILLEGAL_VALUE
-    reads = function in READS
-    if not (1 if reads else 0) <= request.count <= (MAX_READ if reads else 0):
+    reads = _MOST_READ.get(function, 0)
+    if not (1 if reads else 0) <= request.count <= reads:
         return ILLEGAL_VALUE
     for first, span in ((request.address, request.count), (request.write_address, words)):
         if not 0 <= first <= 0x10000 - max(span, 1):
@@ -159,9 +222,10 @@ def build_answer(request: Request, words: Sequence[int] = ()) -> bytes:
     """The answer to `request`: the `words` read, or the echo of what was written."""
     head = bytes((request.function,))
     if request.function in READS:
-        return head + bytes((2 * len(words),)) + pack(f">{len(words)}H", *words)
-    if request.function == WRITE_SINGLE:
-        return head + _PAIR.pack(request.write_address, request.words[0])
+        data = _data(request.function, words)
+        return head + bytes((len(data),)) + data
+    if request.function in (WRITE_SINGLE, WRITE_COIL):
+        return head + _PAIR.pack(request.write_address, _single(request))
     return head + _PAIR.pack(request.write_address, len(request.words))
 
 
@@ -186,9 +250,11 @@ def parse_answer(request: Request, pdu: bytes) -> list[int]:
         if pdu != expected:
             raise BadAnswer(f"echo {pdu.hex(' ')}: expected {expected.hex(' ')}")
         return []
-    size = 2 * request.count
+    size = size_of(request.function, request.count)
     if len(pdu) != 2 + size or pdu[1] != size:
         raise BadAnswer(f"{len(pdu) - 2} bytes, announced {pdu[1] if len(pdu) > 1 else 0}: expected {size}")
+    if request.function in BITS:
+        return list(_bits(pdu[2:], request.count))
     return list(_struct(request.count).unpack_from(pdu, 2))
 
 

@@ -13,7 +13,17 @@ class Type(StrEnum):
     I32 = "i32"
     F32 = "f32"
     U64 = "u64"
+    I64 = "i64"
+    F64 = "f64"
     STRING = "string"
+    BIT = "bit"
+    """A coil or a discrete input: no word, but 0 or 1."""
+
+
+REALS = (Type.F32, Type.F64)
+"""Types of numbers that are not whole, with a "no value" of their own."""
+BIT_TABLES = ("coil", "discrete")
+"""Tables of single bits, each with an address of its own."""
 
 
 class Order(StrEnum):
@@ -34,7 +44,7 @@ class Register:
     type: Type = Type.U16
     order: Order = Order.ABCD
     table: str = "holding"
-    """`holding` (function code 03) or `input` (04)."""
+    """`holding` (read by function code 03) or `input` (04) of registers, `coil` (01) or `discrete` (02) of bits."""
     mask: int | None = None
     """Bits that belong to the value, after the shift: splits a word into bytes or bits."""
     shift: int = 0
@@ -43,9 +53,9 @@ class Register:
     offset: float = 0.0
     """[EU]"""
     words: int = 1
-    """Length in registers: 1, 2, 4, or the length of a string."""
+    """Length in registers: 1, 2, 4, or the length of a string; 1 of a bit."""
     writable: bool = False
     readable: bool = True
     """False for command registers: they are never polled."""
     none: int | None = None
-    """Raw value that means "no value"."""
+    """Raw value that means "no value": the bits as they come, so 0x8000 also of an i16."""

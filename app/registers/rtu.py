@@ -6,12 +6,25 @@ Arithmetic and limits: Modbus over serial line 1.02, reference/modbus.md section
 from dataclasses import dataclass, field
 
 from app.registers.crc import crc_holds, with_crc
-from app.registers.pdu import READ_HOLDING, READ_INPUT, READ_WRITE, READS, WRITE_MULTIPLE, WRITE_SINGLE
+from app.registers.pdu import (
+    BITS,
+    READ_HOLDING,
+    READ_WRITE,
+    READS,
+    WRITE_COIL,
+    WRITE_COILS,
+    WRITE_MULTIPLE,
+    WRITE_SINGLE,
+    WRITES,
+    size_of,
+)
 
 BITS_PER_CHARACTER = 11
 """Start, 8 data, parity or a second stop, stop."""
 MIN_FRAME = 4
 MAX_FRAME = 256
+SHORT = (*(function for function in READS if function != READ_WRITE), WRITE_COIL, WRITE_SINGLE)
+"""Functions whose requests are 8 bytes long: address and count, or address and value."""
 SLAVES = range(1, 248)
 """Addresses of slaves: 0 is for all, who do not answer, those behind are reserved."""
 
@@ -26,9 +39,9 @@ def silence(baud: int) -> float:
     return 1.75e-3 if baud > 19200 else 3.5 * character_time(baud)
 
 
-def read_time(baud: int, count: int) -> float:
-    """Wire time of one poll of `count` registers with both silences, without the slave's turnaround [s]."""
-    return character_time(baud) * (8 + 5 + 2 * count) + 2 * silence(baud)
+def read_time(baud: int, count: int, function: int = READ_HOLDING) -> float:
+    """Wire time of one poll of `count` registers, or bits, with both silences, without the slave's turnaround [s]."""
+    return character_time(baud) * (8 + 5 + size_of(function, count)) + 2 * silence(baud)
 
 
 def build_frame(unit: int, pdu: bytes) -> bytes:
@@ -46,9 +59,9 @@ def parse_frame(frame: bytes) -> tuple[int, bytes] | None:
 def request_length(frame: bytes | bytearray) -> int | None:
     """Length of the request frame that begins with `frame`; None while it cannot be told, or for an unknown function."""
     function = frame[1] if len(frame) > 1 else 0
-    if function in (READ_HOLDING, READ_INPUT, WRITE_SINGLE):
+    if function in SHORT:
         return 8
-    if function == WRITE_MULTIPLE and len(frame) > 6:
+    if function in (WRITE_MULTIPLE, WRITE_COILS) and len(frame) > 6:
         return 9 + frame[6]
     if function == READ_WRITE and len(frame) > 10:
         return 13 + frame[10]
@@ -92,8 +105,8 @@ class Framer:
 
 
 def write_time(baud: int, count: int = 1, function: int = WRITE_SINGLE) -> float:
-    """Wire time of one write of `count` registers and its echo with both silences, without the slave's turnaround [s]."""
-    request = 8 if function == WRITE_SINGLE else 9 + 2 * count
+    """Wire time of one write of `count` registers, or bits, and its echo with both silences, without the slave's turnaround [s]."""
+    request = 8 if function in SHORT else 9 + size_of(function, count)
     return character_time(baud) * (request + 8) + 2 * silence(baud)
 
 
@@ -104,11 +117,19 @@ def answer_length(frame: bytes | bytearray) -> int | None:
     function = frame[1]
     if function & 0x80:
         return 5
-    if function in (READ_HOLDING, READ_INPUT, READ_WRITE):
+    if function in READS:
         if len(frame) < 3:
             return None
-        return 5 + frame[2] if frame[2] and frame[2] % 2 == 0 and 5 + frame[2] <= MAX_FRAME else 0
-    return 8 if function in (WRITE_SINGLE, WRITE_MULTIPLE) else 0
+        whole = frame[2] and (function in BITS or frame[2] % 2 == 0)
+        return 5 + frame[2] if whole and 5 + frame[2] <= MAX_FRAME else 0
+    return 8 if function in WRITES else 0
+
+
+def _never_answered(request: bytes) -> bool:
+    """Whether no answer looks like `request`: a read, unless it is one of 17 to 24 bits from 0x0300 on, whose answer is as long."""
+    if len(request) < 6 or request[1] not in READS:
+        return False
+    return request[1] not in BITS or size_of(request[1], int.from_bytes(request[4:6])) != request[2]
 
 
 @dataclass(slots=True)
@@ -154,7 +175,7 @@ class AnswerFramer:
 
     def asked(self, request: bytes) -> None:
         """The frame `request` is being sent; what an adapter hears of it itself comes before the answer."""
-        self._request = request if self.echo or (len(request) > 1 and request[1] in READS) else b""
+        self._request = request if self.echo or _never_answered(request) else b""
 
     def _cut(self) -> tuple[int, bytes] | None:
         """The answer that begins now, or None while it is not complete."""

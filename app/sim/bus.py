@@ -14,6 +14,7 @@ from random import Random
 
 from app.errors import DeviceException
 from app.registers.pdu import (
+    BITS,
     READS,
     SERVER_FAILURE,
     WRITES,
@@ -95,7 +96,7 @@ class Bus:
             request = parse_request(pdu)
         except DeviceException as refusal:
             return self._on_the_line(unit, device, pdu, refusal)
-        if all(is_training(address) for address in request.addresses):
+        if _is_training(request):
             return Answer(unit, self._ask(device, request), self.turnaround)
         return self._on_the_line(unit, device, pdu, request)
 
@@ -149,7 +150,7 @@ class Bus:
         except DeviceException:
             return
         mode = int(LineFaultMode.NONE)
-        if not all(is_training(address) for address in request.addresses):
+        if not _is_training(request):
             mode = device.line_fault.mode
             _count_down(device.line_fault)
             if mode == LineFaultMode.CABLE_PULLED:
@@ -165,6 +166,11 @@ class Bus:
         return bytes(noise)
 
 
+def _is_training(request: Request) -> bool:
+    """Whether all of it is the instructor's: those are registers."""
+    return request.function not in BITS and all(is_training(address) for address in request.addresses)
+
+
 def damaged(pdu: bytes) -> bytes:
     """`pdu` with a function code that no master can take for its answer: damage for carriers that have no check sum."""
     return bytes((pdu[0] ^ 0x55,)) + pdu[1:]
@@ -178,9 +184,10 @@ def _count_down(fault: LineFault) -> None:
 
 
 def _of_other_length(answer: bytes) -> bytes:
-    """One register fewer (one more when there is only one); an echo or an exception loses its last byte."""
+    """One register, or eight bits, fewer (more when there is only one); an echo or an exception loses its last byte."""
     if answer[0] not in READS:
         return answer[:-1]
-    if answer[1] <= 2:
-        return bytes((answer[0], answer[1] + 2)) + answer[2:] + b"\0\0"
-    return bytes((answer[0], answer[1] - 2)) + answer[2:-2]
+    size = 1 if answer[0] in BITS else 2
+    if answer[1] <= size:
+        return bytes((answer[0], answer[1] + size)) + answer[2:] + bytes(size)
+    return bytes((answer[0], answer[1] - size)) + answer[2:-size]

@@ -22,6 +22,8 @@ from app.links.register_link import RegisterLink
 from app.links.scan_block import ScanBlock, words_of
 from app.links.statistics import ERROR_KINDS, LinkState
 from app.plant.definitions import Equipment, Link, Point, Scan
+from app.registers.references import reference
+from app.registers.register import BIT_TABLES
 from app.web import format as fmt
 from app.web.guard import allow
 from app.web.language import language_of
@@ -361,6 +363,7 @@ def _word_row(request: Request, machine: EquipmentView, block: ScanBlock, point:
     register, lang = point.register, language_of(request)
     assert register is not None
     raw, drawn = words_of(block, point), machine.point(point.key)
+    form = "d" if register.table in BIT_TABLES else "04X"
     period = "" if block.scan in (Scan.ONCE, Scan.PAGE) else f" · {_milliseconds(block.period, lang)}"
     scan = view_of(request).text(request, f"communication.scan.{block.scan.value}")
     return WordRow(
@@ -368,14 +371,8 @@ def _word_row(request: Request, machine: EquipmentView, block: ScanBlock, point:
         name=point.name,
         address=fmt.hexadecimal(register.address),
         reference=reference(register.address, register.table),
-        words=" ".join(f"{word:04X}" for word in raw) if raw is not None else fmt.NO_VALUE,
+        words=" ".join(f"{word:{form}}" for word in raw) if raw is not None else fmt.NO_VALUE,
         view=drawn,
         age=fmt.age(drawn.age) if drawn.state != "none" else "–",
         block=f"{fmt.hexadecimal(block.block.address)} + {block.block.count} · {scan}{period}",
     )
-
-
-def reference(address: int, table: str) -> str:
-    """The 1-based number of older manuals: holding registers from 40001, input registers from 30001; six digits above 9999."""
-    head = 3 if table == "input" else 4
-    return f"{head}{address + 1:04d}" if address < 9999 else f"{head}{address + 1:05d}"

@@ -83,7 +83,8 @@ def _unread(point: Point, device: Device) -> bool:
     register = point.register
     if register is None:
         return False
-    return not register.readable or any(first <= register.address <= last for first, last in device.write_only)
+    written = device.write_only if register.table == "holding" else ()
+    return not register.readable or any(first <= register.address <= last for first, last in written)
 
 
 def _in_words(point: Point) -> bool:

@@ -56,6 +56,23 @@ def test_what_is_owed_is_forgotten_in_the_end_and_never_concerns_others(block: B
     assert [p.block for p in late.pieces(1, block, LATEST + 0.1)[0]] == whole
 
 
+@given(st.integers(1, 2000), st.lists(st.integers(1, 2000), max_size=12), st.integers(0, 60_000))
+def test_bits_are_asked_for_in_as_many_bytes_as_nobody_owes(count: int, sizes: list[int], address: int) -> None:
+    late = LateAnswers()
+    for size in sizes:
+        late.unanswered(pattern_of_request(1, Request(1, 0, size)), 0.0)
+    owed = {(size + 7) // 8 for size in sizes}
+    pieces, wait = late.pieces(1, Block(address, count, 1, tuple(range(1, count))), 1.0)
+    if not pieces:
+        assert (count + 7) // 8 in owed and wait == LATEST - 1.0
+        return
+    got = [p.block.address + p.skip + at for p in pieces for at in range(p.count)]
+    assert got == list(range(address, address + count))
+    assert not {(p.block.count + 7) // 8 for p in pieces} & owed
+    assert all(p.block.function == 1 and p.block.count <= 2000 and p.block.last <= 0xFFFF for p in pieces)
+    assert [p.block for p in late.pieces(1, Block(address, 1, 3), 1.0)[0]] == [Block(address, 1, 3)]
+
+
 def test_an_answer_that_comes_after_all_pays_for_one_request() -> None:
     late = owing([25, 25], 0.0)
     pattern = pattern_of_answer(1, build_answer(Request(3, 0, 25), [0] * 25))

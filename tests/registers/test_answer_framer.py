@@ -11,8 +11,9 @@ from app.registers.rtu import AnswerFramer, build_frame, read_time, write_time
 WORDS = st.lists(st.integers(0, 0xFFFF), min_size=1, max_size=125)
 READ = st.builds(lambda words: build_answer(Request(3, 0, len(words)), words), WORDS)
 WRITE = st.builds(lambda at, word: write_request(at, [word]), st.integers(0, 0xFFFF), st.integers(0, 0xFFFF))
-REFUSAL = st.builds(exception_answer, st.sampled_from([3, 6, 16]), st.integers(1, 11))
-FRAME = st.tuples(st.integers(1, 247), st.one_of(READ, WRITE, REFUSAL))
+BITS = st.builds(lambda data: bytes((1, len(data))) + data, st.binary(min_size=1, max_size=250))
+REFUSAL = st.builds(exception_answer, st.sampled_from([1, 3, 5, 6, 15, 16]), st.integers(1, 11))
+FRAME = st.tuples(st.integers(1, 247), st.one_of(READ, WRITE, BITS, REFUSAL))
 
 
 def heard(framer: AnswerFramer, data: bytes, cuts: list[int]) -> list[tuple[int, bytes]]:
@@ -69,7 +70,23 @@ def test_without_such_an_adapter_the_first_echo_of_a_write_is_the_answer() -> No
     assert framer.feed(write) == [(1, write_request(0x2000, [3]))]
 
 
+def test_an_answer_that_looks_like_its_read_is_no_adapter_that_hears_itself() -> None:
+    request = build_frame(1, read_request(0x0305, 17, 1))
+    answer = build_answer(Request(1, 0x0305, 17), [1, 0, 1, 0, 0, 0, 0, 0, *[0] * 8, 1])
+    same = build_frame(1, answer[:-1] + bytes((17,)))
+    assert same == request, "three bytes of bits at 0x03…: address and count of the one are the bits of the other"
+    framer = AnswerFramer()
+    framer.asked(request)
+    assert framer.feed(same) == [(1, same[1:-2])] and not framer.echo
+    framer.asked(build_frame(1, read_request(0x0305, 8, 1)))
+    assert framer.feed(build_frame(1, read_request(0x0305, 8, 1))) == [] and framer.echo
+    framer.asked(request)
+    assert framer.feed(request + same) == [(1, same[1:-2])], "such an adapter is known by then"
+
+
 def test_times_are_those_of_the_sheet() -> None:
     assert round(1000 * read_time(9600, 25), 2) == 80.21
     assert round(1000 * write_time(9600), 1) == 26.4
     assert round(1000 * write_time(19200), 1) == 13.2
+    assert read_time(9600, 16, 1) == read_time(9600, 1) and read_time(9600, 2000, 2) == read_time(9600, 125)
+    assert write_time(9600, 1, 5) == write_time(9600) and write_time(9600, 16, 15) == write_time(9600, 1, 16)

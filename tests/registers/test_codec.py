@@ -8,10 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.registers.codec import decode, encode, raw_limits
-from app.registers.register import Order, Register, Type
+from app.registers.register import REALS, Order, Register, Type
 
-LENGTH = {Type.U16: 1, Type.I16: 1, Type.U32: 2, Type.I32: 2, Type.F32: 2, Type.U64: 4}
-WHOLE = [kind for kind in LENGTH if kind is not Type.F32]
+LENGTH = {
+    Type.U16: 1, Type.I16: 1, Type.U32: 2, Type.I32: 2, Type.F32: 2, Type.U64: 4, Type.I64: 4, Type.F64: 4, Type.BIT: 1,
+}  # fmt: skip
+WHOLE = [kind for kind in LENGTH if kind not in (*REALS, Type.BIT)]
 
 
 def register(kind: Type = Type.U16, **fields: object) -> Register:
@@ -30,6 +32,50 @@ def register(kind: Type = Type.U16, **fields: object) -> Register:
 def test_four_orders_of_0x12345678(order: Order, words: list[int]) -> None:
     assert decode(register(Type.U32, order=order), words) == 0x12345678
     assert encode(register(Type.U32, order=order), 0x12345678) == words
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        (Order.ABCD, [0x1234, 0x5678, 0x9ABC, 0xDEF0]),
+        (Order.CDAB, [0xDEF0, 0x9ABC, 0x5678, 0x1234]),
+        (Order.BADC, [0x3412, 0x7856, 0xBC9A, 0xF0DE]),
+        (Order.DCBA, [0xF0DE, 0xBC9A, 0x7856, 0x3412]),
+    ],
+)
+@pytest.mark.parametrize("kind", [Type.U64, Type.I64, Type.F64])
+def test_four_orders_of_64_bits(kind: Type, order: Order, words: list[int]) -> None:
+    wanted = struct.unpack({"u": ">Q", "i": ">q", "f": ">d"}[kind.value[0]], bytes.fromhex("123456789abcdef0"))[0]
+    assert decode(register(kind, order=order), words) == wanted
+    assert encode(register(kind, order=order), wanted) == words
+
+
+def test_numbers_of_64_bits_are_exact_and_have_ends() -> None:
+    for value in (-(2**63), -1, 2**53 + 1, 2**63 - 1):
+        assert decode(register(Type.I64), encode(register(Type.I64), value)) == value
+    with pytest.raises(ValueError, match=r"takes -9\.22337e\+18 to 9\.22337e\+18"):
+        encode(register(Type.I64), 2**63)
+    minus = register(Type.I64, none=0x8000_0000_0000_0000)
+    assert decode(minus, [0x8000, 0, 0, 0]) is None and encode(minus, None) == [0x8000, 0, 0, 0]
+    for value in (0.1, 1e300, 123456789.123456789, -5e-324):
+        assert decode(register(Type.F64), encode(register(Type.F64), value)) == value
+    assert decode(register(Type.F64, scale=0.1), encode(register(Type.F64), 3.0)) == 0.3
+    assert decode(register(Type.F64), encode(register(Type.F64), None)) is None
+    for kind, value, most in ((Type.F32, 1e30, "3.4e"), (Type.F64, 1e300, "1.8e")):
+        with pytest.raises(ValueError, match=rf"takes -{most}"):
+            encode(register(kind, scale=1e-30), value)
+    assert decode(register(Type.F64, scale=1e10), encode(register(Type.F64), 1e308)) is None, "no infinite value"
+
+
+def test_a_bit_is_0_or_1_and_nothing_else() -> None:
+    for bit in (0, 1):
+        assert decode(register(Type.BIT, table="coil"), [bit]) == bit
+        assert encode(register(Type.BIT, table="coil"), bit) == [bit]
+    with pytest.raises(ValueError, match="bit 2"):
+        decode(register(Type.BIT, table="coil"), [2])
+    for value in (2, -1):
+        with pytest.raises(ValueError, match="takes 0 to 1"):
+            encode(register(Type.BIT, table="coil"), value)
 
 
 def test_frame_of_the_manual_is_50_hertz_400_volts_and_0_6_amperes() -> None:
@@ -106,7 +152,7 @@ def test_text_is_utf_8_padded_with_nul() -> None:
     st.sampled_from([1.0, 0.1, 0.01, 0.001, 10.0, 0.5, -0.1]),
 )
 def test_every_whole_type_survives_the_round_trip(data: st.DataObject, kind: Type, order: Order, scale: float) -> None:
-    if kind is Type.U64:
+    if kind in (Type.U64, Type.I64):
         scale = 1.0
     where = register(kind, order=order, scale=scale)
     raw = data.draw(st.integers(*raw_limits(where)))

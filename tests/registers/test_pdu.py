@@ -17,7 +17,7 @@ from app.registers.pdu import (
     read_request,
     write_request,
 )
-from app.registers.rtu import Framer, build_frame, parse_frame, read_time, request_length, silence
+from app.registers.rtu import Framer, answer_length, build_frame, parse_frame, read_time, request_length, silence
 
 REQUESTS = [
     ("01 06 01 0E 00 64 E8 1E", 1, write_request(0x010E, [100])),
@@ -91,7 +91,15 @@ def test_one_turned_bit_is_always_found(data: bytes, bit: int, draw: st.DataObje
     ("pdu", "code"),
     [
         ("", 1),
-        ("01 00 00 00 01", 1),
+        ("07", 1),
+        ("01 00 00 00 00", 3),
+        ("01 00 00 07 D1", 3),
+        ("02 FF FF 00 02", 2),
+        ("05 00 00 00 01", 3),
+        ("05 00 00 FF 01", 3),
+        ("0F 00 00 00 09 01 FF", 3),
+        ("0F 00 00 00 03 01 0F", 3),
+        ("0F 00 00 07 B1 F7" + " 00" * 247, 3),
         ("2B 0E 01 00", 1),
         ("83 02", 1),
         ("03 10 00 00", 3),
@@ -119,6 +127,70 @@ def test_the_largest_telegrams_pass() -> None:
     assert len(build_request(Request(READ_WRITE, 0, 125, 0x100, (1,) * 121))) <= 253
     assert parse_request(write_request(0xFF85, [0xFFFF] * 123)).words == (0xFFFF,) * 123
     assert parse_request(read_request(0xFFFF, 1)).address == 0xFFFF
+    assert parse_request(read_request(0, 2000, 1)).count == 2000
+    most = build_request(Request(15, write_address=0, words=(1,) * 1968))
+    assert len(most) <= 253 and parse_request(most).words == (1,) * 1968
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer", "request_", "bits"),
+    [
+        ("01 00 13 00 13", "01 03 CD 6B 05", Request(1, 19, 19), "1011001111010110101"),
+        ("02 00 C4 00 16", "02 03 AC DB 35", Request(2, 196, 22), "0011010111011011101011"),
+        ("05 00 AC FF 00", "05 00 AC FF 00", Request(5, write_address=172, words=(1,)), ""),
+        ("05 00 AC 00 00", "05 00 AC 00 00", Request(5, write_address=172, words=(0,)), ""),
+        (
+            "0F 00 13 00 0A 02 CD 01",
+            "0F 00 13 00 0A",
+            Request(15, write_address=19, words=(1, 0, 1, 1, 0, 0, 1, 1, 1, 0)),
+            "",
+        ),
+    ],
+)
+def test_telegrams_of_bits_are_those_of_the_protocol(asked: str, answer: str, request_: Request, bits: str) -> None:
+    """Sections 6.1, 6.2, 6.5 and 6.11 of the application protocol 1.1b3."""
+    assert build_request(request_) == bytes.fromhex(asked)
+    assert parse_request(bytes.fromhex(asked)) == request_
+    words = [int(bit) for bit in bits]
+    assert build_answer(request_, words) == bytes.fromhex(answer)
+    assert parse_answer(request_, bytes.fromhex(answer)) == words
+    frame = build_frame(1, bytes.fromhex(asked))
+    assert request_length(frame) == len(frame)
+    assert answer_length(build_frame(1, bytes.fromhex(answer))) == len(bytes.fromhex(answer)) + 3
+
+
+@given(st.lists(st.integers(0, 1), min_size=1, max_size=1968), st.integers(0, 60_000))
+def test_bits_go_there_and_back(bits: list[int], address: int) -> None:
+    write = Request(15, write_address=address, words=tuple(bits))
+    assert parse_request(build_request(write)) == write
+    read = Request(1, address, len(bits))
+    assert parse_answer(read, build_answer(read, bits)) == bits
+    full = bytearray(build_answer(read, bits))
+    full[-1] |= 0xFF << ((len(bits) - 1) % 8 + 1) & 0xFF
+    assert parse_answer(read, bytes(full)) == bits, "what fills up the last byte means nothing"
+
+
+@pytest.mark.parametrize("answer", ["01", "01 01", "01 01 00 00", "01 02 00 00", "02 01 00", "01 00"])
+def test_an_answer_of_other_bits_is_none(answer: str) -> None:
+    with pytest.raises(BadAnswer):
+        parse_answer(Request(1, 0, 8), bytes.fromhex(answer))
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        Request(1, 0, 2001),
+        Request(2, 0, 0),
+        Request(5, write_address=0, words=(2,)),
+        Request(5, write_address=0, words=(0, 1)),
+        Request(15, write_address=0, words=(1,) * 1969),
+        Request(15, write_address=0, words=(2,)),
+        Request(15, write_address=0xFFFF, words=(1, 1)),
+    ],
+)
+def test_bits_that_no_telegram_can_carry_are_refused(request_: Request) -> None:
+    with pytest.raises(ValueError, match="no telegram"):
+        build_request(request_)
 
 
 @pytest.mark.parametrize("words", [[], [65536], [-1], [0] * 124])
@@ -151,7 +223,10 @@ def test_any_bytes_are_a_request_or_an_exception(pdu: bytes) -> None:
         assert build_request(request) == pdu
 
 
-@given(st.binary(max_size=260), st.sampled_from([Request(3, 0, 2), Request(6, write_address=1, words=(2,))]))
+@given(
+    st.binary(max_size=260),
+    st.sampled_from([Request(3, 0, 2), Request(6, write_address=1, words=(2,)), Request(1, 0, 16)]),
+)
 def test_any_bytes_are_an_answer_or_a_link_error(pdu: bytes, request_: Request) -> None:
     try:
         words = parse_answer(request_, pdu)

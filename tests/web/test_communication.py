@@ -10,8 +10,8 @@ from app import bundled
 from app.errors import EXCEPTION_NAMES
 from app.links.statistics import ERROR_KINDS, LINK_KEYS, UNIT_KEYS, LinkState
 from app.plant.texts import Texts
+from app.registers.references import reference
 from app.settings import Settings
-from app.web.communication import reference
 from tests.virtual import house, pass_time, until
 from tests.web.operating import runtime_of
 from tests.web.people import Staff

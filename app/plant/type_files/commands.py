@@ -12,6 +12,7 @@ from app.plant.type_files.names import ROLES
 from app.plant.type_files.options import Options
 from app.plant.type_files.sentences import Sentences, names_in, needs_argument, read_values
 from app.registers.codec import raw_limits
+from app.registers.register import REALS
 
 LEVELS = ("C0", "C1", "C2", "C3", "C4")
 SPECIAL_VALUES = ("argument", "previous")
@@ -218,7 +219,7 @@ class CommandReader:
     def _check_fits(self, row: Table, point: str, value: float) -> None:
         """What a register does not hold would be written as something else, or not at all."""
         register = self.points[point].point.register
-        if register is None or register.type in (Type.F32, Type.STRING):
+        if register is None or register.type in (*REALS, Type.STRING):
             return
         low, high = raw_limits(register)
         raw = (value - register.offset) / register.scale

@@ -9,9 +9,7 @@ from app.plant.said import said
 from app.plant.tables import Table, is_number, one_of
 from app.plant.type_files.names import KEY, NAME_EXPECTED
 from app.plant.type_files.options import read_span
-
-COILS = (1, 2, 5, 15)
-"""Functions for single bits."""
+from app.registers.pdu import MAX_READ_BITS
 
 
 def read_device(table: Table) -> Device:
@@ -19,11 +17,12 @@ def read_device(table: Table) -> Device:
     groups = table.table("group_read")
     device = Device(
         max_read=table.whole("max_read", 125, 1, 125),
+        max_read_bits=table.whole("max_read_bits", MAX_READ_BITS, 1, MAX_READ_BITS),
         fallback_read=table.whole("fallback_read", 0, 0, 125),
         group_read={key: groups.whole(key, low=1, high=125) for key in groups.data},
         max_write=table.whole("max_write", 1, 1, 123),
-        read_functions=tuple(_functions(table, "read_functions", (3, 4), (3,))),
-        write_functions=tuple(_functions(table, "write_functions", (6, 16), (6,))),
+        read_functions=tuple(_functions(table, "read_functions", (1, 2, 3, 4), (3,))),
+        write_functions=tuple(_functions(table, "write_functions", (5, 6, 15, 16), (6,))),
         turnaround=float(table.number("turnaround", 0.02, 0, 10)),
         timeout=float(table.number("timeout", 0.25, 0.01, 60)),
         connections=table.whole("connections", 1, 1, 64),
@@ -97,10 +96,7 @@ def _functions(table: Table, key: str, known: Sequence[int], usual: Sequence[int
         if isinstance(item, int) and not isinstance(item, bool) and item in known:
             yield item
         else:
-            coils = isinstance(item, int) and item in COILS
-            numbers = ", ".join(str(function) for function in known)
-            expected = said("mistake.no_coils", known=numbers) if coils else one_of([str(one) for one in known])
-            table.note(f"{key}.{index}", item, expected)
+            table.note(f"{key}.{index}", item, one_of([str(one) for one in known]))
             yield from known  # what was meant is not known, so that no register is blamed
 
 

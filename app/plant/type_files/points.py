@@ -17,6 +17,7 @@ from app.plant.type_files.registers import read_register
 from app.plant.type_files.sentences import Sentences
 from app.registers.codec import raw_limits
 from app.registers.plc_map import TABLE_HEAD
+from app.registers.register import REALS
 
 
 class Points:
@@ -52,7 +53,7 @@ class Points:
     def cell(self, key: str, table: Table, map: TableMap) -> PointData:
         """A column as the cell of slot 1."""
         address = map.address + TABLE_HEAD + table.whole("offset", low=0, high=map.row - 1)
-        kind = "enum" if table.has("texts") else "analog" if table.data.get("type") == Type.F32 else "step"
+        kind = "enum" if table.has("texts") else "analog" if table.data.get("type") in REALS else "step"
         data = self._build(f"{map.key}.{key}", table, kind=kind, history=False, address=address)
         data.point = replace(data.point, key=key, id=table.text("was", key, pattern=KEY), table=map.key)
         table.done()
@@ -77,10 +78,13 @@ class Points:
         return values[0], values[1]
 
     def _build(self, key: str, table: Table, **given: Any) -> PointData:
-        kind = Kind(table.text("kind", given.get("kind", "analog"), choices=[kind.value for kind in Kind]))
         register = self._part(table) if table.has("part_of") else None
         if "address" in given or table.has("address"):
             register = read_register(table, writable=given.get("writable", False), address=given.get("address"))
+        usual = given.get("kind", "analog")
+        if register is not None and register.type is Type.BIT and "kind" not in given:
+            usual = "enum" if table.has("texts") else "step"
+        kind = Kind(table.text("kind", usual, choices=[kind.value for kind in Kind]))
         derived = self._derived(table.table("derived")) if table.has("derived") else None
         bounds: dict[str, str] = {}
         point = Point(
@@ -177,7 +181,7 @@ def _check_kind(table: Table, point: Point, *, takes_texts: bool, bounded: bool)
         table.note("kind", point.kind, said("mistake.text_string", kind=Kind.TEXT, type=Type.STRING))
     if register is not None and not (register.readable or register.writable):
         table.note("readable", "false", said("mistake.read_or_written"))
-    if register is not None and register.type not in (Type.F32, Type.STRING) and register.scale == 1:
+    if register is not None and register.type not in (*REALS, Type.STRING) and register.scale == 1:
         least, most = raw_limits(register)
         for value in point.texts:
             if not least <= value - register.offset <= most:

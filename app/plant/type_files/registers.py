@@ -1,11 +1,20 @@
-"""The register of a point, and no two points on the same words of a type."""
+"""The register of a point, or its coil or discrete input, and no two points on the same words of a type.
 
+`address` is the 0-based protocol address, or the number of a manual as a text ("40001", "10017"), which names its table, too.
+"""
+
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from app.plant.definitions import Device, Order, Register, Type
 from app.plant.said import said
 from app.plant.tables import Source, Table
 from app.plant.type_files.data import PointData
+from app.registers.pdu import FUNCTIONS, WRITE_COIL, WRITE_COILS
+from app.registers.pdu import WRITE_MULTIPLE as WRITE_SEVERAL
+from app.registers.pdu import WRITE_SINGLE as WRITE_ONE
+from app.registers.references import place, reference
+from app.registers.register import BIT_TABLES, REALS
 
 WORDS: Mapping[Type, int] = {
     Type.U16: 1,
@@ -14,61 +23,98 @@ WORDS: Mapping[Type, int] = {
     Type.I32: 2,
     Type.F32: 2,
     Type.U64: 4,
+    Type.I64: 4,
+    Type.F64: 4,
     Type.STRING: 16,
+    Type.BIT: 1,
 }
 
-UNKNOWN = ("i64", "s64", "int64", "f64", "double", "real64", "lreal", "float64")
-"""Types of other tools that no register here has."""
 PARTS, SCALES = ("mask", "shift", "none"), ("scale", "offset")
-READ = {"holding": 3, "input": 4}
-"""Table → the function that reads it."""
-WRITE_ONE, WRITE_SEVERAL = 6, 16
+OF_REGISTERS = ("type", "order", "words", *PARTS, *SCALES)
+"""What is said of registers, and of no single bit."""
+WRITABLE = {"input": "holding", "discrete": "coil"}
+"""Table that is only read → the like of it that is written."""
 LAST_ADDRESS = 0xFFFF
+LARGEST_RAW = 0xFFFF_FFFF_FFFF_FFFF
 
 
 def read_register(table: Table, *, writable: bool, address: int | None = None) -> Register:
     """The register that `table` describes; with `address`, of a cell, whose place its table knows."""
-    kinds = [kind.value for kind in Type]
-    known = said("mistake.no_64", known=", ".join(kinds)) if table.data.get("type") in UNKNOWN else ""
-    kind = Type(table.text("type", "u16", choices=kinds, expected=known))
+    where, at = _place(table) if address is None else ("holding", address)
+    tables = tuple(FUNCTIONS) if address is None else ("holding",)
+    given = table.text("table", where or "holding", choices=tables)
+    if where and given != where:
+        table.note("table", given, said("mistake.reference_table", number=table.raw("address"), table=where))
+        given = where
+    if given in BIT_TABLES:
+        return _bit(table, given, at, writable)
+    kinds = [kind.value for kind in Type if kind is not Type.BIT]
+    kind = Type(table.text("type", "u16", choices=kinds))
     length = table.whole("words", WORDS[kind], 1, 125)
     if kind is not Type.STRING and length != WORDS[kind]:
         table.note("words", length, said("mistake.for_type", what=WORDS[kind], type=kind))
-    mask, none = table.raw("mask"), table.raw("none")
+    mask = table.raw("mask")
     shift = table.whole("shift", 0, 0, 63)
     scale = float(table.number("scale", 1.0))
     if scale == 0:
         table.note("scale", 0, said("mistake.not_zero"))
     register = Register(
-        address=table.whole("address", low=0, high=0xFFFF) if address is None else address,
+        address=at,
         type=kind,
         order=Order(table.text("order", "abcd", choices=[order.value for order in Order])),
-        table=table.text(
-            "table", "holding", choices=tuple(READ), expected=said("mistake.no_coils", known=", ".join(READ))
-        ),
-        mask=None if mask is None else table.whole("mask", low=1, high=0xFFFF_FFFF),
+        table=given,
+        mask=None if mask is None else table.whole("mask", low=1, high=LARGEST_RAW),
         shift=shift,
         scale=scale or 1.0,
         offset=float(table.number("offset", 0.0)) if address is None else 0.0,
         words=length,
         writable=table.flag("writable", writable),
         readable=table.flag("readable", True),
-        none=None if none is None else table.whole("none", low=0, high=0xFFFF_FFFF),
+        none=_none(table),
     )
     _check_bits(table, register)
     return register
 
 
+def _place(table: Table) -> tuple[str, int]:
+    """Table and address that `address` says; the table is empty where a protocol address says nothing of it."""
+    given = table.raw("address")
+    if not isinstance(given, str):
+        return "", table.whole("address", low=0, high=LAST_ADDRESS)
+    found = place(given)
+    if found is None:
+        first = ", ".join(f'"{reference(0, name)}" ({name})' for name in FUNCTIONS)
+        table.note("address", given, said("mistake.reference", last=LAST_ADDRESS, numbers=first))
+    return found or ("", 0)
+
+
+def _none(table: Table) -> int | None:
+    """The raw value that means "no value"; one that TOML has no whole number for is a text, "0xFFFFFFFFFFFFFFFF"."""
+    given = table.raw("none")
+    if isinstance(given, str) and re.fullmatch("0x[0-9A-Fa-f]{1,16}", given):
+        return int(given, 16)
+    return None if given is None else int(table.whole("none", low=0, high=LARGEST_RAW))
+
+
+def _bit(table: Table, name: str, address: int, writable: bool) -> Register:
+    """A coil or a discrete input: one bit with an address of its own."""
+    for key in OF_REGISTERS:
+        if table.has(key):
+            table.note(key, table.raw(key), said("mistake.single_bit", key=key, table=name))
+    writable = table.flag("writable", writable)
+    return Register(address, Type.BIT, table=name, writable=writable, readable=table.flag("readable", True))
+
+
 def _check_bits(table: Table, register: Register) -> None:
     """What would be read and make no difference: bits of what has none, and bits above the last one."""
     kind = register.type
-    for key in PARTS if kind in (Type.F32, Type.STRING) else ():
+    for key in PARTS if kind in (*REALS, Type.STRING) else ():
         if table.has(key):
             table.note(key, table.raw(key), said("mistake.no_bits", type=kind, key=key))
     for key in SCALES if kind is Type.STRING else ():
         if table.has(key):
             table.note(key, table.raw(key), said("mistake.no_number", type=kind, key=key))
-    if kind in (Type.F32, Type.STRING):
+    if kind in (*REALS, Type.STRING):
         return
     bits = 16 * WORDS[kind]
     if register.shift >= bits:
@@ -88,7 +134,8 @@ def check_registers(points: Iterable[PointData], sources: Sequence[Source]) -> N
         for address in range(register.address, register.address + register.words) if register else ():
             other = taken.setdefault((register.table if register else "", address), data)
             if other is not data and register and not _splits(other.point.register, register):
-                expected = said("mistake.words_free", other=other.point.key)
+                key = "bit_free" if register.type is Type.BIT else "words_free"
+                expected = said(f"mistake.{key}", other=other.point.key)
                 _file_of(data, sources).note(f"{data.point.key}.address", f"0x{register.address:04X}", expected)
                 break
 
@@ -105,22 +152,27 @@ def check_telegrams(points: Iterable[PointData], device: Device, sources: Sequen
 def _unreached(register: Register, device: Device) -> Iterator[tuple[str, str, str]]:
     """Key, value and what was expected."""
     last = register.address + register.words - 1
-    for name, ranges in (("holes", device.holes), ("write_only", device.write_only)) if register.readable else ():
+    never = [("holes", device.holes)] if register.table not in BIT_TABLES else []
+    never += [("write_only", device.write_only)] if register.table == "holding" else []
+    for name, ranges in never if register.readable else ():
         for first, end in ranges:
-            if register.table == "holding" and register.address <= end and first <= last:
+            if register.address <= end and first <= last:
                 expected = said("mistake.not_read_there", key=name, first=first, last=end)
                 yield "address", f"0x{register.address:04X}", expected
     if register.readable and register.words > device.max_read:
         yield "type", register.type.value, said("mistake.needs_max_read", words=register.words)
     if last > LAST_ADDRESS:
         yield "address", f"0x{register.address:04X}", said("mistake.register_end")
-    if register.readable and READ[register.table] not in device.read_functions:
-        yield "table", register.table, _needed(READ[register.table], "read_functions", device.read_functions)
+    if register.readable and FUNCTIONS[register.table] not in device.read_functions:
+        yield "table", register.table, _needed(FUNCTIONS[register.table], "read_functions", device.read_functions)
     if not register.writable:
         return
     function = WRITE_ONE if register.words == 1 and WRITE_ONE in device.write_functions else WRITE_SEVERAL
-    if register.table != "holding":
-        yield "table", register.table, said("mistake.as_is", what="holding")
+    if register.table in WRITABLE:
+        yield "table", register.table, said("mistake.as_is", what=WRITABLE[register.table])
+    elif register.type is Type.BIT:
+        if WRITE_COIL not in device.write_functions and WRITE_COILS not in device.write_functions:
+            yield "writable", "true", _needed(WRITE_COIL, "write_functions", device.write_functions)
     elif function not in device.write_functions:
         told = f"{WRITE_ONE}" if register.words == 1 else f"{WRITE_SEVERAL}"
         yield "writable", "true", _needed(told, "write_functions", device.write_functions)

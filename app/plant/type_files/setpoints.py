@@ -7,10 +7,13 @@ from app.plant import plc
 from app.plant.definitions import PlcMap, Point, Setpoint, Type
 from app.plant.said import said
 from app.plant.tables import MISSING, Table, is_number, one_of, span
+from app.plant.type_files.data import PointData
 from app.plant.type_files.names import NUMBER_EXPECTED, ROLES
 from app.plant.type_files.points import Points, read_choices
 from app.plant.type_files.sentences import Sentences
 from app.registers.codec import raw_limits
+from app.registers.references import place
+from app.registers.register import BIT_TABLES, REALS
 
 TINY = 1e-9
 """How far a limit may lie beyond the register by the arithmetic of its scale [EU]."""
@@ -22,7 +25,7 @@ def read_setpoints(
     """Each table of `file`; `points` get those that have an address, or are made writable within the settings of `map`."""
     codes = dict[str, str]()
     for key, row in file.tables():
-        low, high = row.raw("low", 0), row.raw("high", 65535)
+        low, high = row.raw("low", 0), row.raw("high", 1 if _is_bit(row, points.found.get(key)) else 65535)
         options = read_choices(row, key, "options")
         for name, bound in (("low", low), ("high", high)):
             if isinstance(bound, str):
@@ -82,6 +85,14 @@ def read_setpoints(
         yield key, setpoint
 
 
+def _is_bit(row: Table, known: PointData | None) -> bool:
+    """Whether a parameter is a coil."""
+    if not row.has("address"):
+        return known is not None and known.point.register is not None and known.point.register.type is Type.BIT
+    at = place(str(row.data["address"])) if isinstance(row.data["address"], str) else None
+    return (at[0] if at else row.data.get("table")) in BIT_TABLES
+
+
 def _check_written(row: Table, point: Point, setpoint: Setpoint, low: object, high: object) -> None:
     """A parameter is written and read back, and its register holds whatever its limits and options permit."""
     register = point.register
@@ -90,7 +101,7 @@ def _check_written(row: Table, point: Point, setpoint: Setpoint, low: object, hi
     for key in ("readable", "writable"):
         if not getattr(register, key):
             row.note(key, "false", said("mistake.settable", point=setpoint.key))
-    if register.type not in (Type.F32, Type.STRING):
+    if register.type not in (*REALS, Type.STRING):
         ends = sorted(raw * register.scale + register.offset for raw in raw_limits(register))
         for key, bound in (("low", low), ("high", high)):
             if row.has(key) and is_number(bound) and not ends[0] - TINY <= float(str(bound)) <= ends[1] + TINY:
