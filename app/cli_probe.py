@@ -17,6 +17,7 @@ from app.addresses import host_and_port
 from app.errors import ConfigurationError, LinkError, NotConnected
 from app.plant.definitions import Link
 from app.registers.line_faults import LINE_FAULTS, SLOW_DELAY
+from app.registers.pdu import BITS, FUNCTIONS, MAX_READ, MAX_READ_BITS, most_read
 
 if TYPE_CHECKING:
     from app.links.contract import Block
@@ -36,8 +37,12 @@ def probe(
     parity: Annotated[str, typer.Option(help="even, none, odd, or auto (8E1, 8N2, 8N1, 8O1).")] = AUTO,
     unit: Annotated[str, typer.Option(help="Unit or units: 1, 1-10, 1,5,7-9.")] = "1-10",
     read: Annotated[str, typer.Option(metavar="ADDRESS", help="Then read from this register (0x1000, 4096).")] = "",
-    count: Annotated[int, typer.Option(min=1, max=125, help="Registers to read.")] = 1,
-    function: Annotated[int, typer.Option(help="3 holding registers, 4 input registers.")] = 3,
+    count: Annotated[
+        int, typer.Option(min=1, max=MAX_READ_BITS, help=f"Registers, or bits, to read; {MAX_READ} registers at most.")
+    ] = 1,
+    function: Annotated[
+        int, typer.Option(help="3 holding registers, 4 input registers, 1 coils, 2 discrete inputs.")
+    ] = 3,
     patience: Annotated[int, typer.Option(min=10, max=10000, help="Time a device is given to answer, in ms.")] = 150,
 ) -> None:
     """Find out what answers on a line, and read some registers raw. Never writes anything."""
@@ -46,8 +51,10 @@ def probe(
     try:
         if bool(port) == bool(tcp):
             raise ConfigurationError("give --port DEVICE, or --tcp HOST:PORT")
-        if function not in (3, 4):
-            raise ConfigurationError(f"--function {function}: expected 3 or 4")
+        if function not in FUNCTIONS.values():
+            raise ConfigurationError(f"--function {function}: expected 1, 2, 3 or 4")
+        if count > most_read(function):
+            raise ConfigurationError(f"--count {count}: expected 1 to {most_read(function)} registers")
         units = _units(unit, UNITS_OVER_TCP if tcp else UNITS)
         address = _address(read, count) if read else -1
         asyncio.run(
@@ -130,7 +137,7 @@ async def _probe(tries: "Sequence[Try]", block: "Block", read: bool, patience: f
             _progress(f"{number}/{len(tries)} {one} unit {unit}")
 
         try:
-            answers = await probe(one, tell, patience)
+            answers = await probe(one, tell, patience, block.function)
             found = [answer for answer in answers if answer.there]
             others = next((f"; {_other(each)}" for each in answers if not each.there), "")
         except NotSupported as error:
@@ -165,7 +172,7 @@ def _other(found: "Found") -> str:
 
 
 async def _show(found: "Found", block: "Block") -> bool:
-    """Print the words of `block`, hexadecimal and decimal; False when they were refused, or did not come."""
+    """Print the words of `block`, hexadecimal and decimal, or its bits; False when they were refused, or did not come."""
     from app.links.probe import read_once
 
     try:
@@ -174,6 +181,9 @@ async def _show(found: "Found", block: "Block") -> bool:
         typer.echo(f"unit {found.unit} {block.address:#06x}: {error}")
         return False
     for at, word in enumerate(words, block.address):
+        if block.function in BITS:
+            typer.echo(f"unit {found.unit} {at:#06x}  {word}")
+            continue
         signed = f"  {word - 0x10000}" if word >= 0x8000 else ""
         typer.echo(f"unit {found.unit} {at:#06x}  {word:#06x}  {word:5d}{signed}")
     return True

@@ -17,6 +17,7 @@ from app.sim.bus import Bus
 from app.sim.server import MBAP, TcpServer, serve_pty, serve_tcp
 from tests.links.devices import Gateway, RegisterDevice
 from tests.links.serial_slaves import rtu
+from tests.links.table_device import TableDevice
 from tests.sim.test_simulate_process import simulating
 
 pytestmark = pytest.mark.real_time
@@ -116,6 +117,23 @@ async def test_what_a_gateway_says_in_the_place_of_a_unit_is_no_answer_of_the_un
         await served.close()
 
 
+async def test_bits_are_found_and_read_by_their_own_functions() -> None:
+    device = TableDevice({"coil": {n: n % 3 == 0 for n in range(0x1001)}}, (1, 2))
+    served = await serve_tcp(Bus({3: device}), "127.0.0.1", 0)
+    where = f"127.0.0.1:{served.address[1]}"
+    told = f"{where} unit 3 answers: 0x1000 = 0\n" + "".join(
+        f"unit 3 {at:#06x}  {int(at % 3 == 0)}\n" for at in range(5, 5 + 200)
+    )
+    asked = ("probe", "--tcp", where, "--unit", "3", "--read", "5", "--count", "200")
+    try:
+        assert await pogon(*asked, "--function", "1") == (0, told, "")
+        code, output, _ = await pogon(*asked, "--function", "2")
+        assert code == 1 and "exception 02" in output
+        assert {(request.function, request.words) for request in device.requests} == {(1, ()), (2, ())}
+    finally:
+        await served.close()
+
+
 async def test_a_device_that_closes_the_connection_at_another_unit_is_found() -> None:
     class Strict(TcpServer):
         async def _serve_one(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
@@ -160,7 +178,8 @@ async def test_a_port_that_a_running_server_holds_is_left_alone() -> None:
         (["--tcp", "localhost:502", "--unit", "250-256"], "--unit 250-256: expected units from 0 to 255"),
         (["--port", "x", "--unit", "5-3"], "--unit 5-3: expected"),
         (["--port", "x", "--read", "70000"], "--read 70000: expected"),
-        (["--port", "x", "--function", "6"], "--function 6: expected 3 or 4"),
+        (["--port", "x", "--function", "6"], "--function 6: expected 1, 2, 3 or 4"),
+        (["--port", "x", "--function", "4", "--count", "126"], "--count 126: expected 1 to 125 registers"),
         (["--tcp", "nowhere"], "--tcp nowhere: expected HOST:PORT"),
     ],
 )

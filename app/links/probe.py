@@ -1,7 +1,7 @@
 """Finds a device nobody knows anything about: tries speeds, parities and units until something answers with a good check sum.
 
-Only reads are sent: function 03, one register. An exception is an answer too, even the surest one: nothing but a slave sends it, or a
-gateway (0A, 0B), which then says that there is none.
+Only reads are sent: one register, or bit, by function 03 or the one that is asked for. An exception is an answer too, even the surest
+one: nothing but a slave sends it, or a gateway (0A, 0B), which then says that there is none.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -14,6 +14,7 @@ from app.links.contract import Block, Transport
 from app.links.rtu import RtuTransport
 from app.links.tcp import TcpTransport
 from app.plant.definitions import Link
+from app.registers.pdu import BITS, READ_HOLDING
 
 BAUDS = (9600, 19200, 38400, 57600, 115200, 4800, 2400, 1200)
 """In the order in which they are met; the E800 knows those up to 57 600."""
@@ -69,8 +70,10 @@ def transport_of(link: Link) -> Transport:
     return cast(Transport, TcpTransport(link) if link.transport == "tcp" else RtuTransport(link))
 
 
-async def probe(one: Try, tell: Callable[[int], None], patience: float = PATIENCE) -> list[Found]:
-    """The units that answer under the settings `one`, and those for which something else came that they are not.
+async def probe(
+    one: Try, tell: Callable[[int], None], patience: float = PATIENCE, function: int = READ_HOLDING
+) -> list[Found]:
+    """The units that answer under the settings `one` to `function`, and those for which something else came that they are not.
 
     `tell` hears each unit before it is asked. Some devices close the connection when they are asked for another unit: it is opened again.
 
@@ -88,7 +91,7 @@ async def probe(one: Try, tell: Callable[[int], None], patience: float = PATIENC
             try:
                 if not transport.connected:
                     await transport.connect()
-                answer = await _ask(transport, one.link, unit, patience)
+                answer = await _ask(transport, one.link, unit, patience, function)
                 stayed += 1
             except NotConnected as error:
                 if one.link.transport != "tcp":
@@ -104,17 +107,17 @@ async def probe(one: Try, tell: Callable[[int], None], patience: float = PATIENC
     return found
 
 
-async def _ask(transport: Transport, link: Link, unit: int, patience: float) -> Found | None:
+async def _ask(transport: Transport, link: Link, unit: int, patience: float, function: int) -> Found | None:
     """What the unit says, or over TCP what came in its place; None when it is silent, or when only noise came."""
     try:
-        words = await transport.read(unit, Block(ADDRESS, 1), patience)
+        words = await transport.read(unit, Block(ADDRESS, 1, function), patience)
     except DeviceException as error:
         return Found(link, unit, str(error), error.code not in GATEWAY)
     except NoAnswer as error:
         return Found(link, unit, error.instead, False, False) if error.instead else None
     except BadAnswer as error:  # on a serial line the wrong settings make one
         return Found(link, unit, f"unit {unit}: {error}", False, False) if link.transport == "tcp" else None
-    return Found(link, unit, f"{ADDRESS:#06x} = {words[0]:#06x}")
+    return Found(link, unit, f"{ADDRESS:#06x} = {words[0] if function in BITS else f'{words[0]:#06x}'}")
 
 
 async def read_once(link: Link, unit: int, block: Block, patience: float = 1.0) -> list[int]:
