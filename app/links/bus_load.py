@@ -8,10 +8,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import ceil, inf
 
+from app.links.contract import Block
 from app.links.station import Station
 from app.links.statistics import UnitStatistics
 from app.plant.definitions import Link, Scan
-from app.registers.pdu import MAX_READ
+from app.registers.pdu import BITS, MAX_READ, size_of
 from app.registers.rtu import read_time
 
 FULL = 0.95
@@ -30,6 +31,8 @@ class Reads:
     fast: Sequence[tuple[int, float]]
     """(registers, period [s]) of the blocks that are read fast."""
     slow: Sequence[tuple[int, float]] = ()
+    of_bits: int = 0
+    """How many of the first in `fast` are of bits, 16 of which weigh as much as a register: no register is read with them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,16 +88,21 @@ def reads_of(station: Station, statistics: UnitStatistics) -> Reads:
     """What is read of `station` now, with what its telegrams were seen to take."""
     device = station.device
     limit = min(device.max_read, device.group_read.get(Scan.FAST.value, MAX_READ), station.learned.limit, MAX_READ)
-    periodic = {
-        scan: [(b.block.count, b.period) for b in station.blocks if b.scan is scan and b.wanted] for scan in Scan
-    }
+    blocks = sorted((b for b in station.blocks if b.wanted), key=lambda b: b.block.function not in BITS)
+    periodic = {scan: [(_registers(b.block), b.period) for b in blocks if b.scan is scan] for scan in Scan}
     return Reads(
         station.number,
         max(1, limit),
         statistics.turnaround or device.turnaround,
         periodic[Scan.FAST],
         periodic[Scan.SLOW],
+        sum(b.scan is Scan.FAST and b.block.function in BITS for b in blocks),
     )
+
+
+def _registers(block: Block) -> int:
+    """Registers that take as long as what `block` reads."""
+    return ceil(size_of(block.function, block.count) / 2)
 
 
 def load(link: Link, units: Iterable[Reads]) -> Load:
@@ -127,6 +135,7 @@ def with_more(link: Link, units: Sequence[Reads], number: int, registers: int) -
             unit.turnaround,
             [(n, unit.fast[0][1] if unit.fast else asked) for n in _grown(unit, registers)],
             unit.slow,
+            unit.of_bits,
         )
         for unit in units
     ]
@@ -136,6 +145,6 @@ def with_more(link: Link, units: Sequence[Reads], number: int, registers: int) -
 def _grown(unit: Reads, registers: int) -> list[int]:
     """Registers of each fast telegram afterwards: the last one is filled up, then new ones are begun."""
     counts = [n for n, _ in unit.fast]
-    total = (counts.pop() if counts else 0) + registers
+    total = (counts.pop() if len(counts) > unit.of_bits else 0) + registers
     pieces = ceil(total / unit.limit)
     return [*counts, *(unit.limit for _ in range(pieces - 1)), total - unit.limit * (pieces - 1)]

@@ -7,10 +7,12 @@ import pytest
 
 from app.links.bus_load import Reads, arithmetic_limit, cost, load, reads_of, with_more
 from app.plant.definitions import Device, Link, Scan
+from app.registers.register import Type
 from app.sim.bus import Bus
 from app.tags.quality import is_good
-from tests.links.devices import RegisterDevice, machine, point, running, until
+from tests.links.devices import RegisterDevice, machine, on_bus, point, running, until
 from tests.links.serial_slaves import rtu
+from tests.links.table_device import TableDevice
 from tests.wires import serve_line
 
 LINE = Link("hall", "rtu", baud=9600)
@@ -45,6 +47,22 @@ def test_more_registers_cost_two_characters_each_and_a_telegram_where_the_last_i
     assert cost(LINE, DRIVE, 0) == 0
     assert cost(Link("hall", "tcp"), roomy, 100) == 0 and cost(Link("hall", "tcp"), roomy, 101) == pytest.approx(0.005)
     assert with_more(LINE, [DRIVE], 1, 25).round == pytest.approx(load(LINE, [DRIVE]).round + cost(LINE, DRIVE, 25))
+
+
+async def test_bits_weigh_as_much_as_the_registers_that_take_as_long_and_are_not_filled_up_with_them() -> None:
+    points = [point("m", f"c{n}", n, type=Type.BIT, table="coil") for n in range(160)]
+    device = Device(fast=0.1, read_functions=(1, 3))
+    bus = Bus({1: TableDevice({"coil": dict.fromkeys(range(160), 1), "holding": {0: 1}})})
+    for more, blocks in ((0, 1), (1, 2)):
+        machines = [machine("m", 1, [*points, *[point("m", "v", 0)][:more]], device)]
+        async with running(machines, exchange=on_bus(bus)) as line:
+            await until(lambda line=line: is_good(line.quality("m.c159")))
+            (station,) = line.link.stations.values()
+            (statistics,) = line.link.statistics.units.values()
+            reads = reads_of(station, statistics)
+        assert [count for count, _ in reads.fast] == [10, 1][:blocks] and reads.of_bits == 1
+        first = 1 - more  # what is the first register there needs a telegram of its own
+        assert cost(Link("hall", "tcp"), reads, 1) == pytest.approx(first * reads.turnaround)
 
 
 @pytest.mark.parametrize(("now", "more", "limit"), [(20, 40, 125), (10, 60, 25)])
