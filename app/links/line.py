@@ -62,7 +62,7 @@ class Line:
         if job.urgent:
             if (station := self.stations.get(job.unit)) is not None:
                 station.stops += 1
-            for overtaken in self._schedule.overtake(job.unit):
+            for overtaken in self._schedule.overtake(job.unit, job.machine):
                 fail(
                     overtaken,
                     Overtaken(f"unit {job.unit}: write to {overtaken.address:#06x} not sent, a Stop came first"),

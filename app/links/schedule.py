@@ -49,6 +49,8 @@ class Job:
     """Written, when there is no `read`."""
     function: int = 6
     urgent: bool = False
+    machine: str = ""
+    """Equipment that is written to; empty = whatever the unit has."""
     permit: Callable[[], bool] | None = None
     """Asked when it is its turn; a write that may no more is never sent."""
     sent: bool = False
@@ -72,9 +74,10 @@ class Schedule:
         """Let `job` wait for its turn."""
         heappush(self._jobs, (priority, next(self._sequence), job))
 
-    def overtake(self, unit: int) -> list[Job]:
-        """Take the writes to `unit` that are not urgent out of the queue."""
-        overtaken = [job for _, _, job in self._jobs if job.unit == unit and job.read is None and not job.urgent]
+    def overtake(self, unit: int, machine: str = "") -> list[Job]:
+        """Take the writes to `unit` that are not urgent out of the queue, but those to another machine than `machine` there."""
+        writes = (job for _, _, job in self._jobs if job.unit == unit and job.read is None and not job.urgent)
+        overtaken = [job for job in writes if not machine or job.machine in ("", machine)]
         if overtaken:
             self._jobs = sorted(entry for entry in self._jobs if not any(entry[2] is job for job in overtaken))
         return overtaken

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import TypeVar
 
@@ -121,9 +121,9 @@ class Station:
 
     def plan(self) -> list[ScanBlock]:
         """Plan the reads anew; blocks that stay as they are keep their number and state. Returns those that are gone."""
-        by_type: dict[str, list[Equipment]] = {}
+        by_type: dict[tuple[str, int], list[Equipment]] = {}
         for item in self.equipment:
-            by_type.setdefault(item.type.name, []).append(item)
+            by_type.setdefault((item.type.name, item.base), []).append(item)
         plans = [self._plan_of(items) for items in by_type.values()]
         before = {_identity(block.reading): block for block in self.blocks}
         self.blocks = []
@@ -184,6 +184,7 @@ class Station:
         if device.plc is not None:
             return plan_map(items, device, device.plc, overhead(self.link, device), self.learned)
         points = (point for item in items for point in item.points.values())
+        device = _moved(device, items[0].base)
         return plan(points, device, overhead(self.link, device), self.learned)
 
     def _block(self, reading: Reading) -> ScanBlock:
@@ -193,6 +194,14 @@ class Station:
         if isinstance(reading.part, Rows):
             return TableBlock(self.source, self.next_block(), self.number, reading, period, reading.part)
         return ScanBlock(self.source, self.next_block(), self.number, reading, period)
+
+
+def _moved(device: Device, base: int) -> Device:
+    """`device` as a machine has it whose registers begin at `base`."""
+    holes, write_only = (
+        [(first + base, last + base) for first, last in of] for of in (device.holes, device.write_only)
+    )
+    return replace(device, holes=holes, write_only=write_only) if base else device
 
 
 def _identity(reading: Reading) -> object:

@@ -35,7 +35,7 @@ class Writes:
         self.check(station, urgent=urgent)
         if register.mask is not None and register.readable:
             words = await self._merged(station, register, words)
-        await self.send(item.unit, register.address, words, function, urgent=urgent)
+        await self.send(item.unit, register.address, words, function, urgent=urgent, machine=item.id)
         self._runner.written(station, register.address, len(words), FUNCTIONS[register.table])
         return 0
 
@@ -73,14 +73,16 @@ class Writes:
         *,
         urgent: bool = False,
         liveness: bool = True,
+        machine: str = "",
     ) -> None:
-        """One telegram; `liveness`: its answer says that the unit is there.
+        """One telegram; `liveness`: its answer says that the unit is there; `machine`: whose it is, of several behind the unit.
 
         Raises:
             LinkError: as the transport.
         """
         job = self._runner.job(unit, liveness=liveness)
         job.address, job.words, job.function, job.urgent = address, tuple(words), function, urgent
+        job.machine = machine
         await self._runner.ask(job, Priority.URGENT if urgent else Priority.WRITE)
 
     def check(self, station: Station, *, urgent: bool) -> None:

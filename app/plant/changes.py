@@ -178,13 +178,14 @@ def _differences(
 ) -> tuple[list[str], list[tuple[str, Mapping[str, str]]]]:
     details = [
         _detail(key, getattr(old, key), getattr(new, key))
-        for key in ("link", "unit", "label", "area")
+        for key in ("link", "unit", "base", "label", "area")
         if _differs(old, new, key)
     ]
     effects: list[tuple[str, Mapping[str, str]]] = []
-    if moving and ((old.link, old.unit) != (new.link, new.unit) or old.type.name != new.type.name):
+    place = old.link, old.unit, old.base
+    if moving and (place != (new.link, new.unit, new.base) or old.type.name != new.type.name):
         effects.append(("machine_runs", {"id": old.id}))
-    if (old.link, old.unit) != (new.link, new.unit):
+    if place != (new.link, new.unit, new.base):
         effects.append(("elsewhere", {"link": new.link, "unit": str(new.unit)}))
     elif details:
         effects.append(("texts", {}))

@@ -498,6 +498,8 @@ class Equipment:
     preset: str = ""  # of the type, that its options come from; empty = none
     was: str = ""
     """Its first name, where it has another one now; empty = it still has it."""
+    base: int = 0
+    """What is added to the addresses of its type; its points have it already."""
 
     @property
     def lasting(self) -> str:

@@ -75,16 +75,17 @@ class PlainScreen:
         kind = self.machine.equipment.type
         for key, point in self.machine.equipment.points.items():
             elsewhere = point.derived is not None and point.derived.kind in DERIVED_ELSEWHERE
-            if not (point.table or key == SINCE or key in kind.setpoints or elsewhere or _unread(point, kind.device)):
+            unread = _unread(point, kind.device, self.machine.equipment.base)
+            if not (point.table or key == SINCE or key in kind.setpoints or elsewhere or unread):
                 yield point
 
 
-def _unread(point: Point, device: Device) -> bool:
+def _unread(point: Point, device: Device, base: int) -> bool:
     register = point.register
     if register is None:
         return False
     written = device.write_only if register.table == "holding" else ()
-    return not register.readable or any(first <= register.address <= last for first, last in written)
+    return not register.readable or any(first <= register.address - base <= last for first, last in written)
 
 
 def _in_words(point: Point) -> bool:

@@ -3,14 +3,15 @@
 import asyncio
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 
 import pytest
 
-from app.errors import BadAnswer, DeviceException, LinkError
+from app.errors import BadAnswer, DeviceException, LinkError, Overtaken
 from app.links.contract import Block
 from app.links.register_link import RegisterLink
 from app.links.transports import TRANSPORTS
-from app.plant.definitions import Device, Link, Point, Scan
+from app.plant.definitions import Device, Equipment, Link, Point, Scan
 from app.registers.codec import encode
 from app.registers.register import Order, Type
 from app.sim.bus import Bus
@@ -232,3 +233,41 @@ async def test_a_wrong_answer_to_a_read_of_bits_is_no_value(
     await transport.connect()
     with pytest.raises(error):
         await transport.read(1, Block(0, 5, 1), 1.0)
+
+
+def shared(first: list[Point], second: list[Point], base: int, known: Device) -> list[Equipment]:
+    """Two machines of one type behind unit 1, the second with the registers of its own base."""
+    return [machine("m", 1, first, known), replace(machine("n", 1, second, known), base=base)]
+
+
+async def test_two_machines_behind_one_unit_are_read_by_themselves_and_their_holes_go_with_them() -> None:
+    known = replace(ALL, holes=((2, 8),), write_only=((20, 20),))
+    both = [[point(name, f"v{n}", base + n) for n in (0, 1, 9)] for name, base in (("m", 0), ("n", 5), ("n", 100))]
+    for base, points in ((5, both[1]), (100, both[2])):
+        device = TableDevice({"holding": {n: n for n in range(200)}})
+        async with running(shared(both[0], points, base, known), exchange=on_bus(Bus({1: device}))) as line:
+            await until(lambda line=line: is_good(line.quality("m.v9")) and is_good(line.quality("n.v9")))
+            assert [line.value(f"{name}.v{n}") for name in "mn" for n in (0, 1, 9)] == [
+                0,
+                1,
+                9,
+                *(base + n for n in (0, 1, 9)),
+            ]
+            blocks = {(block.block.address, block.block.count) for block in line.link.stations[1].blocks}
+        assert blocks == {(0, 2), (9, 1), (base, 2), (base + 9, 1)}
+
+
+async def test_a_stop_takes_no_write_to_another_machine_of_its_unit_out_of_the_queue() -> None:
+    device = TableDevice({"holding": {n: 0 for n in range(200)}})
+    points = [
+        [point(name, "run", base, writable=True), point(name, "speed", base + 1, writable=True)]
+        for name, base in (("m", 0), ("n", 100))
+    ]
+    async with running(shared(*points, 100, ALL), exchange=on_bus(Bus({1: device}, turnaround=0.02))) as line:
+        await until(lambda: is_good(line.quality("m.run")) and is_good(line.quality("n.run")))
+        writes = [asyncio.create_task(line.link.write(name, key, 5)) for key in ("run", "speed") for name in "mn"]
+        await asyncio.sleep(0)
+        await asyncio.gather(line.link.write("m", "run", 0, urgent=True), *writes, return_exceptions=True)
+        assert not isinstance(writes[1].exception() or writes[3].exception(), LinkError), "those to n were sent"
+        assert isinstance(writes[2].exception(), Overtaken)
+        assert (device.tables["holding"][100], device.tables["holding"][101], device.tables["holding"][1]) == (5, 5, 0)

@@ -11,6 +11,7 @@ from app.plant.plant_files.languages import PlantLanguages
 from app.plant.plant_files.links import line_of
 from app.plant.plant_files.names import ID, check_id
 from app.plant.plant_files.options import read_options, read_overrides
+from app.plant.plant_files.shared_units import Units, moved, read_base
 from app.plant.plant_files.types_used import TypesUsed
 from app.plant.said import said
 from app.plant.sequence_definition import SequenceDefinition
@@ -40,7 +41,7 @@ class NamedMachine:
 
 
 class Machines:
-    """Every machine read so far; no two share a unit, an id, or the lasting id of a point."""
+    """Every machine read so far; no two share registers, an id, or the lasting id of a point."""
 
     def __init__(self, types: TypesUsed, sequences: SequenceFiles, languages: PlantLanguages) -> None:
         self.found: dict[str, Equipment] = {}
@@ -52,7 +53,7 @@ class Machines:
         self._sequences = sequences
         self._languages = languages
         self._points = 0
-        self._units: dict[tuple[str, int], Equipment] = {}
+        self._units = Units()
         self._ids: dict[str, str] = {}
 
     @property
@@ -93,13 +94,27 @@ class Machines:
             label = dict(definition.label)
         options = read_options(table, data, data.type.presets.get(preset, {}), definition)
         overrides = read_overrides(table, data, repeated=bool(count))
+        base = read_base(table, data.type, links.get(link))
         table.done()
         alarms, tables = (
             tuple(data.type.alarms),
             {name: plc.capacity_of(map, options) for name, map in data.type.tables.items()},
         )
         one = Equipment(
-            key, data.type, link, unit, label, area, {}, alarms, options, tables, definition, preset=preset, was=was
+            key,
+            data.type,
+            link,
+            unit,
+            label,
+            area,
+            {},
+            alarms,
+            options,
+            tables,
+            definition,
+            preset=preset,
+            was=was,
+            base=base,
         )
         for number, item in _repeated(one, self._within_units(table, unit, count)):
             if self.too_many:
@@ -145,26 +160,16 @@ class Machines:
         if item.id in self.found:
             table.note("repeat", item.id, said("mistake.ids_taken"))
             return
-        if item.link in links:
-            self._check_unit(table, item, line_of(links[item.link]))
         points = {point.key: point for point in self._own_points(table, data, item, overrides)}
         for key, slots in item.tables.items():
             for cell in _cells(data.columns[key], data.type.tables[key], slots, item):
                 self._ids.setdefault(cell.id, cell.name)
                 points[cell.key] = cell
         self._points += len(points)
-        self.found[item.id] = with_recipe(replace(item, points=points))
-
-    def _check_unit(self, table: Table, item: Equipment, line: str) -> None:
-        """Two links to one host and port reach the same units: one device would be two machines, each with its own control."""
-        other = self._units.setdefault((line, item.unit), item)
-        if other is item:
-            return
-        if other.link == item.link:
-            expected = said("mistake.unit_taken", link=item.link, other=other.id)
-        else:
-            expected = said("mistake.unit_taken_at", line=line, other=other.id, link=other.link)
-        table.note("unit", item.unit, expected)
+        whole = with_recipe(replace(item, points=points))
+        self.found[item.id] = whole
+        if item.link in links:
+            self._units.take(table, whole, line_of(links[item.link]))
 
     def _own_points(
         self, table: Table, data: TypeData, item: Equipment, overrides: Mapping[str, Mapping[str, Any]]
@@ -182,7 +187,9 @@ class Machines:
                 expected = said("mistake.id_taken", owner=owner)
                 table.note("was" if item.was else "", item.was or item.id, expected)
             fields = {field: value for field, value in given.items() if field != "was"}
-            found = replace(_bounded(point, item.options), name=name, id=lasting, equipment=item.id, **fields)
+            found = replace(
+                moved(_bounded(point, item.options), item.base), name=name, id=lasting, equipment=item.id, **fields
+            )
             blamed = next((field for field in ("high", "low") if field in given), "")
             if blamed and found.low is not None and found.high is not None and found.low >= found.high:
                 ends = said("mistake.less_than", order="low < high", low=f"{found.low:g}", high=f"{found.high:g}")
