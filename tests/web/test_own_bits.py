@@ -97,7 +97,8 @@ class Rack(TableDevice):
 
     def read(self, function: int, address: int, count: int) -> list[int]:
         if not self.stuck:
-            self.tables["discrete"][10] = self.tables["coil"][10]
+            motors = self.tables["discrete"].keys() & {10, 110}
+            self.tables["discrete"] |= {at: self.tables["coil"][at] for at in motors}
         return super().read(function, address, count)
 
 
@@ -181,3 +182,40 @@ def test_numbers_of_64_bits_are_drawn_stored_and_exported(client: VirtualClient,
     ]  # fmt: skip
     csv = ana.get(f"/history/export.csv?tags={names}&from=-1h&interval=0&locale={language}", fragment=False)
     assert csv.status_code == 200 and f"{2 * 2**48 + 2**48 - 1}" in csv.text
+
+
+def test_two_machines_behind_one_unit_are_commanded_and_shown_each_by_itself(tmp_path: Path, rack: Rack) -> None:
+    second = PLANT[PLANT.index("[equipment.r1]") :].replace("r1", "r2").replace("Rack 1", "Rack 2") + "base = 100\n"
+    folder = tmp_path / "plant"
+    written(
+        folder,
+        PLANT + second,
+        "rack",
+        device=DEVICE,
+        points=POINTS,
+        setpoints=SETPOINTS,
+        commands=COMMANDS,
+        texts_en=TEXTS,
+    )
+    for table in rack.tables.values():
+        table |= {at + 100: 0 for at in table}
+    with house(Settings(plant=folder, data=tmp_path / "data")) as browser:
+        server = TcpServer(Bus({1: rack}))
+        browser.run(server.start("127.0.0.1", 502))
+        tags, ana = runtime_of(browser).tags, Operator(Staff(browser), "ana", ("engineer", "operator"))
+        assert until(lambda: [tags.sample(f"{name}.heater").value for name in ("r1", "r2")] == [0, 0], 20)
+        assert (tags.sample("r1.energy").value, tags.sample("r2.energy").value) == (MOST, 0)
+        ana.take("r2")
+        ana.press("/equipment/r2/command/start")
+        browser.pass_time(2)
+        assert "Done" in words(ana.get("/equipment/r2/commands").text)
+        assert [rack.tables["coil"][at] for at in (10, 110)] == [0, 1]
+        ana.post("/equipment/r1/stop")
+        browser.pass_time(2)
+        assert [rack.tables["coil"][at] for at in (10, 110)] == [0, 1], "the Stop of one stops the other not"
+        page = words(ana.get("/communication", fragment=False).text)
+        assert "Rack 1" in page and "Rack 2" in page
+        raw = words(ana.get("/communication/line/1/words").text)
+        assert all(told in raw for told in ("r1.switch", "00011", "r2.switch", "00111", "40111"))
+        assert ana.get("/equipment/r2", fragment=False).status_code == 200
+        browser.run(server.close())
