@@ -67,9 +67,11 @@ def holding(points: list[Point]) -> dict[str, dict[int, int]]:
 
 
 @asynccontextmanager
-async def linked(name: str, device: TableDevice, points: list[Point], known: Device = ALL) -> AsyncIterator[Line]:
-    """A running link of one transport to the device."""
-    bus = Bus({1: device})
+async def linked(
+    name: str, device: TableDevice, points: list[Point], known: Device = ALL, *, bus: Bus | None = None
+) -> AsyncIterator[Line]:
+    """A running link of one transport to the device, over a `bus` of its own."""
+    bus = bus or Bus({1: device})
     server = TcpServer(bus)
     await server.start("127.0.0.1", 0)
     line = await (serve_line if virtual() else serve_pty)(bus, 115200)
