@@ -58,6 +58,10 @@ VALUES = frozenset({"value", "current", "expected", "min", "max", "asked", "a", 
 MOST_DECIMALS = 4
 """Of such a value; noughts at its end are left out."""
 
+WHOLE = 2.0**53
+"""Beyond it a browser does not have every whole number, and the last digits are none of the device: it is written by its power of ten."""
+POWER_DECIMALS = 6
+
 _EXACT = Context(prec=400)
 """Digits enough for every float."""
 
@@ -73,17 +77,19 @@ ORIGINS: tuple[tuple[Origin, str], ...] = (
 def number(value: float, decimals: int, lang: str) -> str:
     """`value` with fixed `decimals`, half a last digit rounded away from zero on the digits that Python prints, never "−0".
 
-    What is not finite is written as a bad value.
+    What is not finite is written as a bad value; what is beyond `WHOLE` as `1.844674E19`.
     """
     if not math.isfinite(value):
         return NO_VALUE
+    mark = "." if lang in DECIMAL_POINT else ","
+    if abs(float(value)) > WHOLE:
+        return _by_power(float(value)).replace("-", MINUS).replace(".", mark)
     rounded = _round(value, decimals)
     whole, _, rest = f"{rounded.copy_abs():f}".partition(".")
     head = len(whole) % 3
     groups = [whole[:head]] if head else []
     groups += [whole[i : i + 3] for i in range(head, len(whole), 3)]
     sign = MINUS if rounded < 0 else ""
-    mark = "." if lang in DECIMAL_POINT else ","
     return sign + GROUP.join(groups) + (mark + rest if rest else "")
 
 
@@ -237,6 +243,12 @@ def parameters(params: Mapping[str, object], lang: str, text: Text) -> dict[str,
 
 def _round(value: float, decimals: int) -> Decimal:
     return Decimal(repr(float(value))).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP, _EXACT)
+
+
+def _by_power(value: float) -> str:
+    """`-9.223372E18`."""
+    digits = Context(prec=POWER_DECIMALS + 1, rounding=ROUND_HALF_UP).create_decimal(repr(value))
+    return f"{digits.scaleb(-digits.adjusted()):.{POWER_DECIMALS}f}E{digits.adjusted()}"
 
 
 def _floor(micros: int, zone: ZoneInfo) -> datetime:

@@ -7,13 +7,13 @@ const pad = (whole, digits = 2) => String(whole).padStart(digits, "0");
 
 const forms = new Map();
 
-/** Fixed decimals, half a last digit away from zero on the shortest digits that name the number, never "−0". */
+/** Fixed decimals, half a last digit away from zero on the shortest digits that name the number, never "−0"; beyond 2^53, where not every whole number is one here, `1.844674E19`. */
 export function number(value, decimals, lang) {
   if (!Number.isFinite(value)) return NO_VALUE;
-  if (!forms.has(decimals))
-    forms.set(decimals, new Intl.NumberFormat("en", { minimumFractionDigits: decimals, maximumFractionDigits: decimals, signDisplay: "negative" }));
+  const far = Math.abs(value) > 2 ** 53, digits = far ? 6 : decimals, notation = far ? "scientific" : "standard", form = notation + digits;
+  if (!forms.has(form)) forms.set(form, new Intl.NumberFormat("en", { notation, minimumFractionDigits: digits, maximumFractionDigits: digits, signDisplay: "negative" }));
   const signs = { ",": GROUP, ".": mark(lang), "-": MINUS };
-  return forms.get(decimals).format(String(value)).replace(/[,.-]/g, (sign) => signs[sign]); // as a text: its digits, not the nearest binary fraction
+  return forms.get(form).format(String(value)).replace(/[,.-]/g, (sign) => signs[sign]); // as a text: its digits, not the nearest binary fraction
 }
 
 export const quantity = (value, decimals, unit, lang) =>

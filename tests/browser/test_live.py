@@ -253,7 +253,12 @@ def test_script_and_server_write_every_number_alike(page: Page, opened: Callable
         2.675,
         1e15,
         123456789.5,
+        2.0**53,
+        2.0**53 + 2,
+        -(2.0**63),
+        9.9999999e20,
     ]
+    numbers += [dice.uniform(-10, 10) * 10.0 ** dice.randint(15, 307) for _ in range(500)]
     numbers += [dice.uniform(-10, 10) ** dice.randint(1, 9) for _ in range(1500)]
     numbers += [dice.randint(-20000, 20000) / 8 for _ in range(500)] + [
         dice.randint(-9999, 9999) / 1000 for _ in range(500)
