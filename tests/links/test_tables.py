@@ -67,11 +67,8 @@ def holding(points: list[Point]) -> dict[str, dict[int, int]]:
 
 
 @asynccontextmanager
-async def linked(
-    name: str, device: TableDevice, points: list[Point], known: Device = ALL, *, bus: Bus | None = None
-) -> AsyncIterator[Line]:
-    """A running link of one transport to the device, over a `bus` of its own."""
-    bus = bus or Bus({1: device})
+async def wired(name: str, bus: Bus) -> AsyncIterator[Link]:
+    """The link of one transport to what is on the bus."""
     server = TcpServer(bus)
     await server.start("127.0.0.1", 0)
     line = await (serve_line if virtual() else serve_pty)(bus, 115200)
@@ -80,11 +77,21 @@ async def linked(
         stop_bits=2, writes=True,
     )  # fmt: skip
     try:
-        async with running([machine("m", 1, points, known)], exchange=on_bus(bus), link=link) as found:
-            yield found
+        yield link
     finally:
         await line.close()
         await server.close()
+
+
+@asynccontextmanager
+async def linked(
+    name: str, device: TableDevice, points: list[Point], known: Device = ALL, *, bus: Bus | None = None
+) -> AsyncIterator[Line]:
+    """A running link of one transport to the device, over a `bus` of its own."""
+    bus = bus or Bus({1: device})
+    machines = [machine("m", 1, points, known)]
+    async with wired(name, bus) as link, running(machines, exchange=on_bus(bus), link=link) as found:
+        yield found
 
 
 @pytest.mark.parametrize("name", list(TRANSPORTS))
@@ -214,6 +221,25 @@ async def test_most_bits_of_a_telegram_are_those_of_the_protocol(name: str) -> N
         with pytest.raises(LinkError):
             await link.raw_read(1, 0, 2001, 1)
         assert await link.raw_read(1, 0, 1, 1) == [1]
+
+
+@pytest.mark.parametrize("count", [1, 8, 9, 1968])
+@pytest.mark.parametrize("name", list(TRANSPORTS))
+async def test_several_coils_are_written_in_one_telegram_and_no_other_with_them(name: str, count: int) -> None:
+    device = TableDevice({"coil": dict.fromkeys(range(2000), 0)})
+    bus = Bus({1: device})
+    async with wired(name, bus) as link:
+        transport = TRANSPORTS[name](link, on_bus(bus))
+        await transport.connect()
+        await transport.write(1, 7, [1] * count, 5.0, 15)
+        assert device.tables["coil"] == {n: int(7 <= n < 7 + count) for n in range(2000)}
+        await transport.write(1, 7, [0], 5.0, 5)
+        assert await transport.read(1, Block(6, 3, 1), 5.0) == [0, 0, int(count > 1)]
+        with pytest.raises(BadAnswer, match="no telegram"):
+            await transport.write(1, 0, [1] * 1969, 5.0, 15)
+        with pytest.raises(DeviceException):
+            await transport.write(1, 1999, [1, 1], 5.0, 15)
+        await transport.close()
 
 
 @pytest.mark.parametrize(
