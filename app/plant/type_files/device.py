@@ -3,7 +3,7 @@
 import re
 from collections.abc import Container, Iterator, Sequence
 
-from app.plant.definitions import Device
+from app.plant.definitions import Device, Scan
 from app.plant.picture import PictureData
 from app.plant.said import said
 from app.plant.tables import Table, is_number, one_of
@@ -11,20 +11,23 @@ from app.plant.type_files.names import KEY, NAME_EXPECTED
 from app.plant.type_files.options import read_span
 from app.registers.pdu import MAX_READ_BITS
 
+SHORTEST = 0.01
+"""Time for an answer [s]: within none nobody answers."""
+
 
 def read_device(table: Table) -> Device:
     """`[device]`: how much one telegram carries, which functions it knows, how long it takes [s]."""
-    groups = table.table("group_read")
+    groups, scans = table.table("group_read"), [scan.value for scan in Scan]
     device = Device(
         max_read=table.whole("max_read", 125, 1, 125),
         max_read_bits=table.whole("max_read_bits", MAX_READ_BITS, 1, MAX_READ_BITS),
         fallback_read=table.whole("fallback_read", 0, 0, 125),
-        group_read={key: groups.whole(key, low=1, high=125) for key in groups.data},
+        group_read={key: groups.whole(key, low=1, high=125) for key in scans if groups.has(key)},
         max_write=table.whole("max_write", 1, 1, 123),
         read_functions=tuple(_functions(table, "read_functions", (1, 2, 3, 4), (3,))),
         write_functions=tuple(_functions(table, "write_functions", (5, 6, 15, 16), (6,))),
         turnaround=float(table.number("turnaround", 0.02, 0, 10)),
-        timeout=float(table.number("timeout", 0.25, 0.01, 60)),
+        timeout=float(table.number("timeout", 0.25, SHORTEST, 60)),
         connections=table.whole("connections", 1, 1, 64),
         pipelining=table.whole("pipelining", 1, 1, 64),
         keeps=table.flag("keeps", True),
@@ -35,6 +38,8 @@ def read_device(table: Table) -> Device:
         training=table.whole("training", 0xE000),
     )
     check_periods(table)
+    for key in groups.data.keys() - scans:
+        groups.note(key, groups.data[key], said("mistake.no_such_key", known=one_of(scans, key)))
     table.done()
     return device
 

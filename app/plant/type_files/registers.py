@@ -6,7 +6,7 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from app.plant.definitions import Device, Order, Register, Type
+from app.plant.definitions import Device, Order, Register, Scan, Type
 from app.plant.said import said
 from app.plant.tables import Source, Table
 from app.plant.type_files.data import PointData
@@ -145,11 +145,11 @@ def check_telegrams(points: Iterable[PointData], device: Device, sources: Sequen
     that writes it would never arrive."""
     for data in points:
         register = data.point.register
-        for key, value, expected in _unreached(register, device) if register and not data.part else ():
+        for key, value, expected in _unreached(register, device, data.point.scan) if register and not data.part else ():
             _file_of(data, sources).note(f"{data.point.key}.{key}", value, expected)
 
 
-def _unreached(register: Register, device: Device) -> Iterator[tuple[str, str, str]]:
+def _unreached(register: Register, device: Device, scan: Scan) -> Iterator[tuple[str, str, str]]:
     """Key, value and what was expected."""
     last = register.address + register.words - 1
     never = [("holes", device.holes)] if register.table not in BIT_TABLES else []
@@ -159,8 +159,11 @@ def _unreached(register: Register, device: Device) -> Iterator[tuple[str, str, s
             if register.address <= end and first <= last:
                 expected = said("mistake.not_read_there", key=name, first=first, last=end)
                 yield "address", f"0x{register.address:04X}", expected
-    if register.readable and register.words > device.max_read:
-        yield "type", register.type.value, said("mistake.needs_max_read", words=register.words)
+    limits = {f"group_read.{scan.value}": device.group_read.get(scan.value), "max_read": device.max_read}
+    for name, most in {**limits, "fallback_read": device.fallback_read or None}.items() if register.readable else ():
+        if most is not None and register.words > most:
+            yield "type", register.type.value, said("mistake.needs_max_read", key=name, words=register.words)
+            break
     if last > LAST_ADDRESS:
         yield "address", f"0x{register.address:04X}", said("mistake.register_end")
     if register.readable and FUNCTIONS[register.table] not in device.read_functions:
