@@ -22,6 +22,7 @@ from app.links.services import SetWrite
 from app.links.station import Station
 from app.plant.definitions import Image, PlcMap, Register, Scan
 from app.registers import plc_map
+from app.registers.codec import own_bits
 from app.registers.pdu import MAX_WRITE, WRITE_MULTIPLE
 from app.registers.plc_map import Answer, AnswerState, Request
 
@@ -288,8 +289,7 @@ class Orders:
 
 def merged(register: Register, now: Sequence[int], words: Sequence[int]) -> list[int]:
     """`words` with the bits of a masked register that belong to others as they are `now`."""
-    if register.mask is None:
+    own = own_bits(register)
+    if own is None:
         return list(words)
-    raw = (register.mask << register.shift).to_bytes(2 * register.words, "big")
-    own = [int.from_bytes(raw[2 * index : 2 * index + 2], "big") for index in range(register.words)]
     return [(old & ~bits) | (new & bits) for old, new, bits in zip(now, words, own, strict=True)]

@@ -12,7 +12,7 @@ from app.links.services import SetWrite
 from app.links.station import Station
 from app.links.statistics import LinkState
 from app.plant.definitions import Equipment, Register, Type
-from app.registers.codec import encode
+from app.registers.codec import encode, own_bits
 from app.registers.pdu import FUNCTIONS, WRITE_COIL, WRITE_COILS, WRITE_MULTIPLE, WRITE_SINGLE
 
 
@@ -33,7 +33,7 @@ class Writes:
             return await service.write([(name, register, words)])
         function = _write_function(station, name, register, words)
         self.check(station, urgent=urgent)
-        if register.mask is not None and register.readable:
+        if own_bits(register) is not None and register.readable:
             words = await self._merged(station, register, words)
         await self.send(item.unit, register.address, words, function, urgent=urgent, machine=item.id)
         self._runner.written(station, register.address, len(words), FUNCTIONS[register.table])

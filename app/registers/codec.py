@@ -115,6 +115,15 @@ def raw_limits(register: Register) -> tuple[int, int]:
     return 0, (1 << bits) - 1 >> register.shift
 
 
+def own_bits(register: Register) -> list[int] | None:
+    """Of each of its words the bits that belong to the value, in the order in which the device has them; None when all do."""
+    if register.mask is None and not register.shift:
+        return None
+    whole = (1 << 16 * _length(register)) - 1
+    own = (whole if register.mask is None else register.mask) << register.shift & whole
+    return _pack(register, _as_signed(register, own))
+
+
 def _length(register: Register) -> int:
     if register.type is Type.STRING:
         return register.words

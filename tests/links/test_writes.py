@@ -1,11 +1,14 @@
 """Writes over a link: scaled, merged, echoed, allowed by the plant file, sent once, and never a success that was none."""
 
 import asyncio
+from dataclasses import replace
 
 import pytest
 
 from app.errors import DeviceException, LinkError, NoAnswer, Refused
 from app.plant.definitions import Device, Link, Scan
+from app.registers.codec import decode, encode
+from app.registers.register import Order, Register, Type
 from app.sim.bus import Bus, LineFaultMode
 from tests.links.devices import (
     QUICK,
@@ -33,6 +36,31 @@ async def test_a_write_is_scaled_echoed_and_read_back() -> None:
         device.words[1] = 100
         await line.link.refresh("m", ["setpoint"])
         assert line.value("m.setpoint") == 1.0
+
+
+@pytest.mark.parametrize("order", list(Order))
+@pytest.mark.parametrize(
+    ("kind", "words", "mask", "shift", "value"),
+    [
+        (Type.U16, 1, 0x0F, 4, 3), (Type.U16, 1, 0xFF, 8, 0xA5), (Type.I16, 1, 0x03, 14, 2), (Type.U16, 1, None, 4, 0x123),
+        (Type.U32, 2, 0xFF, 0, 0x5A), (Type.U32, 2, 0xFFFF, 8, 0x1234), (Type.I32, 2, 0x7, 29, 5), (Type.U32, 2, None, 20, 0x0BC),
+        (Type.U64, 4, 0xFFFF, 24, 0xBEEF), (Type.I64, 4, 0x1, 63, 1),
+    ],
+)  # fmt: skip
+async def test_a_part_of_a_value_is_written_and_the_bits_of_others_stay_in_every_order(
+    kind: Type, words: int, mask: int | None, shift: int, value: int, order: Order
+) -> None:
+    whole = Register(1, Type(f"u{16 * words}"), order, words=words)
+    before = 0x0123_4567_89AB_CDEF & (1 << 16 * words) - 1
+    device = RegisterDevice({0: 0, **dict(enumerate(encode(whole, before), 1))})
+    known = replace(QUICK, max_write=4, write_functions=(6, 16))
+    part = point("m", "part", 1, type=kind, words=words, order=order, mask=mask, shift=shift, writable=True)
+    async with running([machine("m", 1, [part], known)], exchange=on_bus(Bus({1: device}))) as line:
+        await until(lambda: line.value("m.part") is not None)
+        await line.link.write("m", "part", value)
+        await until(lambda: line.value("m.part") == value)
+    own = ((1 << 16 * words) - 1 if mask is None else mask) << shift & (1 << 16 * words) - 1
+    assert decode(whole, [device.words[at] for at in range(1, 1 + words)]) == before & ~own | value << shift
 
 
 async def test_what_cannot_be_written_is_refused_with_its_name() -> None:
