@@ -134,7 +134,7 @@ class Points:
         mask, shift = table.whole("mask", 1, 1, 0xFFFF), table.whole("shift", 0, 0, 15)
         if mask << shift > 0xFFFF:
             table.note("mask" if table.has("mask") else "shift", mask, said("mistake.bits_of", bits=16, type=Type.U16))
-        return Register(whole.address, table=whole.table, mask=mask, shift=shift)
+        return Register(whole.address, order=whole.order, table=whole.table, mask=mask, shift=shift, none=whole.none)
 
     def _derived(self, table: Table) -> Derived:
         kind = table.text("kind", choices=KINDS)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from app.registers.codec import decode
 from tests.plant.line import problem
 from tests.plant.type_files.parts import POINTS, read
 
@@ -28,6 +29,15 @@ def test_parts_lie_over_their_word_and_are_only_read(tmp_path: Path) -> None:
     assert (word.address, ready.address, state.address) == (10, 10, 10)
     assert (ready.shift, ready.mask, ready.writable, word.writable) == (3, 1, False, True)
     assert (state.shift, state.mask) == (0, 15)
+
+
+def test_parts_have_the_order_of_their_word_and_no_value_where_it_has_none(tmp_path: Path) -> None:
+    kind, problems = read(tmp_path, POINTS.replace("address = 10", 'address = 10\norder = "badc"\nnone = 0xFFFF'))
+    assert problems == []
+    ready, state = (kind.points[key].register for key in ("ready", "state"))
+    assert ready and state
+    assert (decode(ready, [0x0800]), decode(state, [0x0500])) == (1, 5)
+    assert decode(ready, [0xFFFF]) is None and decode(state, [0xFFFF]) is None
 
 
 @pytest.mark.parametrize(
