@@ -68,7 +68,6 @@ def read_setpoints(
             if options:
                 data = points.found[key]
                 data.point = replace(data.point, texts=options)
-            _check_written(row, points.found[key].point, setpoint, low, high)
         elif key not in points.found:
             row.note("address", MISSING, said("mistake.address_or_key"))
         elif map and plc.inside(map.settings, points.found[key].point.register):
@@ -77,8 +76,10 @@ def read_setpoints(
             data.point = replace(data.point, register=replace(data.point.register, writable=True))
         else:
             register = points.found[key].point.register
-            if register is None or not register.writable:
+            if register is None or not (register.writable and register.readable):
                 row.note("", key, said("mistake.settable", point=key))
+        if key in points.found:
+            _check_written(row, points.found[key].point, setpoint, low, high)
         if setpoint.code and (other := codes.setdefault(setpoint.code, key)) != key:
             row.note("code", setpoint.code, said("mistake.code_free", other=other))
         row.done()
@@ -99,9 +100,11 @@ def _check_written(row: Table, point: Point, setpoint: Setpoint, low: object, hi
     if register is None:
         return
     for key in ("readable", "writable"):
-        if not getattr(register, key):
+        if row.has("address") and not getattr(register, key):
             row.note(key, "false", said("mistake.settable", point=setpoint.key))
-    if register.type not in (*REALS, Type.STRING):
+    if register.type is Type.STRING:
+        row.note("type" if row.has("type") else "", register.type, said("mistake.number_parameter", point=setpoint.key))
+    elif register.type not in REALS:
         ends = sorted(raw * register.scale + register.offset for raw in raw_limits(register))
         for key, bound in (("low", low), ("high", high)):
             if row.has(key) and is_number(bound) and not ends[0] - TINY <= float(str(bound)) <= ends[1] + TINY:

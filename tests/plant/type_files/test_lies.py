@@ -100,10 +100,29 @@ def test_of_a_command(tmp_path: Path, before: str, after: str, key: str, expecte
         ("high = 5", "high = 5\nreadable = false", "x.readable", "written and read back"),
         ("high = 5", "high = 5\nwritable = false", "x.writable", "written and read back"),
         ("[x]\naddress = 10\n", "[weight]\n", "weight", "written and read back"),
+        ("high = 5", 'type = "string"\nkind = "text"', "x.type", "a number: x is a parameter"),
+        ("high = 5", 'table = "coil"\nhigh = 5', "x.high", "x holds: 0 to 1 in steps of 1"),
     ],
 )
 def test_of_a_parameter(tmp_path: Path, before: str, after: str, key: str, expected: str) -> None:
     found = told(tmp_path, setpoints=SET.replace(before, after))
+    assert any((file, at) == ("setpoints.toml", key) and expected in text for file, at, text in found), found
+
+
+@pytest.mark.parametrize(
+    ("register", "limits", "key", "expected"),
+    [
+        ("writable = true\nmask = 0xF\n", "high = 16\n", "x.high", "x holds: 0 to 15 in steps of 1"),
+        ('writable = true\ntable = "coil"\n', "high = 9\n", "x.high", "x holds: 0 to 1 in steps of 1"),
+        ("writable = true\nreadable = false\n", "high = 9\n", "x", "written and read back"),
+        ('writable = true\ntype = "string"\nkind = "text"\n', "high = 9\n", "x", "a number: x is a parameter"),
+        ("writable = true\n", "high = 9\noptions = [0, 12]\n", "x.options.12", "from 0 to 9"),
+    ],
+)
+def test_of_a_parameter_that_is_a_point_already(
+    tmp_path: Path, register: str, limits: str, key: str, expected: str
+) -> None:
+    found = told(tmp_path, points=POINTS + X + register, setpoints=f'[x]\ngroup = "group.g"\n{limits}')
     assert any((file, at) == ("setpoints.toml", key) and expected in text for file, at, text in found), found
 
 
