@@ -6,6 +6,7 @@ Coils and discrete inputs are planned alike, counted in bits; no telegram reads 
 """
 
 from bisect import bisect_left
+from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -203,19 +204,27 @@ def _ride(points: Sequence[Point], readings: list[Reading], function: int, limit
 
 
 def _cut(points: Sequence[Point], limit: int, walls: Sequence[Span], cost: float) -> list[list[Point]]:
-    """Cut the points, in order of address, into groups of least cost."""
+    """Cut the points, in order of address, into groups of least cost.
+
+    One pass, also over thousands of bits: of all groups that end with a point the cheapest begins where least was paid before it, counted
+    back from its address, and what is too far off for one point, or behind a wall, is so for all after it.
+    """
     spans = sorted(((span_of(point.register), point) for point in points if point.register), key=lambda item: item[0])
     best: list[tuple[float, int]] = [(0.0, 0)]
-    for end in range(1, len(spans) + 1):
-        choice = (float("inf"), 0)
-        last = -1
-        for begin in range(end - 1, -1, -1):
-            first = spans[begin][0][0]
-            last = max(last, spans[begin][0][1])
-            if last - first + 1 > limit or _between(first, last, walls):
-                break
-            choice = min(choice, (best[begin][0] + cost + last - first + 1, begin))
-        best.append(choice)
+    begins: deque[tuple[float, int]] = deque()
+    left, last = 0, -1
+    for end, ((first, own), _) in enumerate(spans, 1):
+        last = max(last, own)
+        paid = best[-1][0] - first
+        while begins and paid < begins[-1][0]:
+            begins.pop()
+        begins.append((paid, end - 1))
+        while left < end - 1 and (last - spans[left][0][0] + 1 > limit or _between(spans[left][0][0], last, walls)):
+            left += 1
+        while begins[0][1] < left:
+            begins.popleft()
+        paid, begin = begins[0]
+        best.append((paid + cost + last + 1, begin))
     groups = []
     end = len(spans)
     while end:
@@ -235,5 +244,6 @@ def _around(points: Sequence[Point], function: int) -> Block:
     spans = [span_of(point.register) for point in points if point.register]
     first, last = min(span[0] for span in spans), max(span[1] for span in spans)
     torn = {at for begin, end in spans for at in range(begin + 1, end + 1)}
-    cuts = tuple(at - first for at in range(first + 1, last + 1) if at not in torn)
+    step = BITS_OF_REGISTER if function in BITS else 1  # cut closer, answers of bits are no better told apart
+    cuts = tuple(at - first for at in range(first + step, last + 1, step) if at not in torn)
     return Block(first, last - first + 1, function, cuts)

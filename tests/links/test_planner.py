@@ -6,8 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.links import planner
 from app.links.planner import NETWORK_OVERHEAD, Learned, overhead, plan
 from app.plant.definitions import Device, Link, Scan
+from app.registers.register import Type
 from tests.links.devices import point
 
 Spans = list[tuple[int, int]]
@@ -140,3 +142,14 @@ def test_a_block_may_be_read_in_two_telegrams_only_where_no_value_is_torn() -> N
     points.append(point("m", "slow", 3, Scan.SLOW, type="u32", words=2))
     (reading,) = plan(points, Device(), NETWORK_OVERHEAD).readings
     assert (reading.block.address, reading.block.count, reading.block.cuts) == (0, 6, (1, 3, 5))
+
+
+def test_thousands_of_bits_are_planned_in_one_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = itertools.count()
+    between = planner._between
+    monkeypatch.setattr(planner, "_between", lambda *given: (next(looks), between(*given))[1])
+    points = [point("m", f"c{n}", n, type=Type.BIT, table="coil") for n in range(10_000)]
+    result = plan(points, Device(read_functions=(1,)), NETWORK_OVERHEAD, Learned())
+    assert sum(len(reading.points) for reading in result.readings) == 10_000
+    assert next(looks) < 3 * len(points), "a plan is made while everybody waits"
+    assert result.readings[0].block.cuts == tuple(range(16, 2000, 16)), "as a late answer is told from its like"
