@@ -5,10 +5,13 @@ Whoever may read POGON_DATA may do all this: the terminal of the server is the l
 
 import csv
 import getpass
+import os
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
@@ -135,7 +138,7 @@ def factor_reset(
 @user_cli.command("list")
 def list_(data: Data = None) -> None:
     """Print all accounts."""
-    with opened(data, existing=True) as access:
+    with opened(data, existing=True, reading=True) as access:
         accounts = access.people.now()
         width = max((len(account.name) for account in accounts), default=4)
         for account in accounts:
@@ -157,7 +160,7 @@ def verify(
     """Check the chains of audit and alarm journal: exit code 0 and their lengths, or 1 and the first line that is not in order."""
     from app.alarms import journal
 
-    with opened(data, existing=True) as access:
+    with opened(data, existing=True, reading=True) as access:
         chains = {
             "audit": access.audit.check_now(anchors),
             "alarm journal": access.audit.check_other_now(
@@ -188,10 +191,13 @@ def _state(account: "Account") -> str:
 
 
 @contextmanager
-def opened(data: Path | None, *, existing: bool = False, as_is: bool = False) -> Iterator["Access"]:
+def opened(
+    data: Path | None, *, existing: bool = False, as_is: bool = False, reading: bool = False
+) -> Iterator["Access"]:
     """People and audit of a data folder; every error of ours is one line and exit code 2.
 
-    `existing`: the database has to be there. `as_is`: and at the revision of this program; no other is touched.
+    `existing`: the database has to be there. `as_is`: and at the revision of this program; no other is touched. `reading`: a folder that
+    can only be read, such as a copy that was put away, will do.
     """
     from app.access.access import Access, prepare
     from app.access.former import check_former
@@ -212,6 +218,9 @@ def opened(data: Path | None, *, existing: bool = False, as_is: bool = False) ->
         if existing and not (folder / "pogon.db").is_file():
             check_former(folder)
             raise ConfigurationError(f"{folder / 'pogon.db'} is not there: start the server once, or give --data")
+        if reading and not all(os.access(path, os.W_OK) for path in (folder, folder / "pogon.db")):
+            typer.echo(f"pogon: {folder} can only be read: a copy of it is looked at", err=True)
+            folder = ends.enter_context(_copied(folder))
         prepare(folder)
         db = Database(folder / "pogon.db", "pogon")
         if as_is and not db.is_newest():
@@ -229,6 +238,27 @@ def opened(data: Path | None, *, existing: bool = False, as_is: bool = False) ->
         if db:
             db.close()
         ends.close()
+
+
+@contextmanager
+def _copied(folder: Path) -> Iterator[Path]:
+    """A private copy of what stands in a data folder of people and audit, while the context lasts.
+
+    Raises:
+        ConfigurationError: a file of it cannot be read, or there is no room for the copy.
+    """
+    from app.access.keys import OPENED
+
+    with TemporaryDirectory(prefix="pogon-") as name:
+        copy = Path(name)
+        for path in (folder / one for one in OPENED if one not in ("pogon.db-shm", "history.db")):
+            try:
+                if path.is_file():
+                    (copy / path.name).touch(0o600)
+                    shutil.copyfile(path, copy / path.name)
+            except OSError as error:
+                raise ConfigurationError(f"{path} cannot be copied to {copy}: {error.strerror}") from error
+        yield copy
 
 
 def fail(text: str) -> NoReturn:

@@ -338,3 +338,30 @@ def test_a_data_folder_into_which_one_may_not_look_is_told(
     assert result.exit_code == (1 if command == ("selftest",) else 2), result.output
     assert f"POGON_DATA={data} cannot be used: Permission denied; expected to be run by its owner" in result.output
     assert not list(data.iterdir())
+
+
+def test_a_folder_that_can_only_be_read_is_looked_at_and_stays_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A copy that was put away on a medium: no file is made beside it, not even those of SQLite."""
+    data = tmp_path / "data"
+    enroll(data, {"ana": ["admin"]}, "tri plave ladice u kutu")
+    for path in data.iterdir():
+        path.chmod(0o440)
+    before = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in data.iterdir()}
+    access = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK and access(path, mode))
+
+    def typed(*command: str) -> Result:
+        return CliRunner().invoke(cli, command, env={"POGON_DATA": str(data)})
+
+    listed, verified = typed("user", "list"), typed("audit", "verify")
+    told = f"pogon: {data} can only be read: a copy of it is looked at\n"
+    assert (listed.exit_code, listed.stderr, listed.stdout.split()[0]) == (0, told, "ana")
+    assert (verified.exit_code, verified.stderr) == (0, told)
+    assert verified.stdout.startswith("audit ok: ")
+    assert {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in data.iterdir()} == before
+    (data / "audit.key").chmod(0o640)
+    (data / "audit.key").write_text("5" * 64 + "\n")
+    broken = typed("audit", "verify")
+    assert broken.exit_code == 1 and "audit broken: line 2 does not agree with audit.anchors" in broken.stderr
