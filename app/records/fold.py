@@ -325,8 +325,13 @@ def _finish(record: Record, end: End, event: Reading) -> None:
         if part.state == ACTIVE:
             part.state, part.ended = end.part or end.outcome, event.time
             if known and part.begun is not None:
-                part.seconds = (event.time - part.begun - part.paused) / 1e6
+                part.seconds = _between(part.begun + part.paused, event.time)
     record.outcome, record.ended, record.pause = end.outcome, max(record.begun, event.time), None
     record.seconds = None
     if known:
-        record.seconds = event.value if end.seconds == "value" else (event.time - record.begun) / 1e6
+        record.seconds = event.value if end.seconds == "value" else _between(record.begun, event.time)
+
+
+def _between(begin: int, end: int) -> float | None:
+    """How long it was [s]; None where the clock of the device was set back between, as nobody knows then."""
+    return (end - begin) / 1e6 if begin <= end else None

@@ -545,7 +545,7 @@ async def _csv_list(request: Request, wanted: dict[str, str], shown: str, locale
         yield cells(
             [
                 fmt.iso(one.first_true, _UTC), row.iso, STATE_NAMES[one.state], one.priority, row.source, one.area,
-                row.text, _plain(one.value), _plain(one.limit), round((end - one.first_true) / 1e6, 3), one.count,
+                row.text, _plain(one.value), _plain(one.limit), _seconds(one.first_true, end), one.count,
                 one.acked_by, fmt.iso(one.acked_at, _UTC) if one.acked_at else "",
             ],
             locale,
@@ -579,6 +579,11 @@ async def _csv_journal(request: Request, wanted: dict[str, str], shown: str, loc
             )  # fmt: skip
         filter = replace(filter, before=found[-1].seq)
         found = await asyncio.to_thread(read, filter)
+
+
+def _seconds(begin: int, end: int) -> float | str:
+    """How long it was [s]; empty where the clock was set back between, as nobody knows then."""
+    return round((end - begin) / 1e6, 3) if begin <= end else ""
 
 
 def _plain(value: float | None) -> float | str:

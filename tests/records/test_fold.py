@@ -205,6 +205,13 @@ def test_a_ring_that_begins_again_ends_what_was_under_way_unless_the_machine_say
         assert shelf.records[0].outcome == outcome
 
 
+def test_what_a_clock_that_is_set_back_lies_within_has_no_length() -> None:
+    made = kind(parts=Parts(frozenset({B}), frozenset({E}), together=True))
+    (one,) = told(made, event(A, 100), event(B, 101, source=1), event(C, 50))
+    assert (one.outcome, one.ended, one.seconds) == ("gone", 100 * SECOND, None)
+    assert one.parts[1].seconds is None
+
+
 @pytest.mark.parametrize(
     ("named", "lasting", "outcome", "ended"),
     [("restart", 10.0, "restart", 3.0), ("", 10.0, OPEN, 10.0), ("restart", 2.0, OPEN, 2.0)],

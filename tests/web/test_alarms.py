@@ -439,6 +439,23 @@ def test_the_journal_goes_home_with_the_shift_of_each_line(hall: Hall) -> None:
     assert "shift" not in hall.client.get("/alarms.csv?tab=journal").text.splitlines()[1]
 
 
+def test_an_alarm_over_which_the_clock_was_set_back_lasted_nobody_knows_how_long(hall: Hall) -> None:
+    hall.tell("audit_broken")
+    hall.staff.enter("ana", "operator")
+    clock: Any = hall.runtime.clock
+
+    def lasted() -> list[str]:
+        lines = hall.client.get("/alarms.csv?tab=active&area=sys").text.splitlines()[1:]
+        return [row["duration_s"] for row in csv.DictReader(lines)]
+
+    assert float(lasted()[0]) >= 0
+    clock.step_wall(-3600)
+    try:
+        assert lasted() == [""]
+    finally:
+        clock.step_wall(3600)
+
+
 def test_the_export_is_what_the_filter_shows_and_defuses_formulas(hall: Hall) -> None:
     hall.tell("link_down", link="=1+1")
     hall.tell("audit_broken")
