@@ -75,6 +75,13 @@
       }
     }
   }
+  for (const e of texts) { // nor over the cell beside its own, nor out of its panel, if nothing there scrolls
+    const t = written(e), cell = e.closest('td, th'), panel = e.closest('.panel');
+    if (t.width <= 2 || t.height <= 2 || floats(e)) continue;
+    if (cell && (t.right > box(cell).right + 2 || t.left < box(cell).left - 2)) faults.add('beyond its cell: ' + name(e));
+    const held = (p) => style(p).overflows !== 'visiblevisible' || (p !== panel && held(p.parentElement));
+    if (panel && !held(e) && (t.right > box(panel).right || t.bottom > box(panel).bottom)) faults.add('beyond its panel: ' + name(e));
+  }
   for (const e of texts) { // a word may part at a hyphen, into pieces that are still read
     if (/mono/i.test(getComputedStyle(e).fontFamily)) continue;
     const least = parseFloat(getComputedStyle(e).fontSize);

@@ -51,6 +51,17 @@ THERE = (
     *("/instructor/c1", "/equipment/seq1/definition"),
 )
 """What is looked at there."""
+TEN_INCHES = (
+    *(f"/equipment/{machine}" for machine in ("m1", "c1", "cc1", "cr1", "seq1", "a1")),
+    *(f"/equipment/cr1/page/{name}" for name in ("hoist", "trolley", "drives", "sequence", "thesis?run=positioner")),
+    *("/equipment/a1/page/words", "/equipment/a1/faceplate", "/equipment/c1/faceplate", "/equipment/seq1/events"),
+    *("/", "/events", "/trends", "/account", "/instructor/c1", "/alarms"),
+)
+"""What is looked at on the panel that most cabinets have."""
+SIDEWAYS = """() => [...document.querySelectorAll('main, main *, aside *')].filter((e) => e.checkVisibility() && e.clientWidth > 60
+  && /(auto|scroll)/.test(getComputedStyle(e).overflowX) && e.scrollWidth > e.clientWidth + 1)
+  .map((e) => [...e.classList].join('.') + ' scrolls sideways by ' + (e.scrollWidth - e.clientWidth))"""
+"""What has to be pushed aside to be read."""
 LIGHT = {"/": 150_000, "/alarms": 150_000, "/equipment/m1": 190_000}
 """What a page may weigh when nothing of it is kept [bytes]."""
 
@@ -73,6 +84,17 @@ def test_nothing_is_cut_between_these_sizes(abnormal: Page) -> None:
         for name, (width, height) in BETWEEN.items():
             lay_out(abnormal, width, height, "desk")
             found += [f"{path} {name}: {one}" for one in abnormal.evaluate(FAULTS)]
+    assert found == [], "\n".join(["", *found])
+
+
+@pytest.mark.parametrize("lang", ["hr", "de"])
+def test_a_panel_of_ten_inches_shows_all_of_a_page_without_pushing_it_aside(abnormal: Page, lang: str) -> None:
+    speak(abnormal, lang, origin(abnormal))
+    found: list[str] = []
+    for path in TEN_INCHES:
+        lay_out(abnormal, *BETWEEN["a panel of ten inches"], "desk")
+        open_page(abnormal, origin(abnormal) + path)
+        found += [f"{path}: {one}" for one in [*abnormal.evaluate(FAULTS), *abnormal.evaluate(SIDEWAYS)]]
     assert found == [], "\n".join(["", *found])
 
 
@@ -167,6 +189,20 @@ def test_on_paper_a_list_says_what_its_rows_are_about(abnormal: Page, path: str)
     abnormal.goto(origin(abnormal) + path)
     expect(abnormal.locator("main tbody .a-open").first).to_be_visible()
     assert abnormal.evaluate(UNSAID) == []
+    abnormal.emulate_media(media="screen")
+
+
+@pytest.mark.parametrize(("machine", "rows"), [("m1", 7), ("a1", 6)])
+def test_a_sheet_of_paper_has_the_whole_screen_of_a_drive(abnormal: Page, machine: str, rows: int) -> None:
+    """In the width of A4, which is that of a panel on which one half of it is chosen."""
+    abnormal.emulate_media(media="print")
+    abnormal.set_viewport_size({"width": 718, "height": 1000})
+    abnormal.goto(f"{origin(abnormal)}/equipment/{machine}")
+    expect(abnormal.locator(".m-part")).to_be_hidden()
+    expect(abnormal.locator(".m-trend")).to_be_visible()
+    expect(abnormal.locator(".vals tbody tr >> visible=true")).to_have_count(rows)
+    expect(abnormal.locator(".m-state")).to_be_visible()
+    assert abnormal.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
     abnormal.emulate_media(media="screen")
 
 
