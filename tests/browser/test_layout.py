@@ -98,6 +98,15 @@ def test_a_panel_of_ten_inches_shows_all_of_a_page_without_pushing_it_aside(abno
     assert found == [], "\n".join(["", *found])
 
 
+@pytest.mark.parametrize("path", ["/users", "/tokens"])
+def test_what_makes_an_account_or_a_token_is_in_sight_on_a_panel(abnormal: Page, path: str) -> None:
+    lay_out(abnormal, 1280, 800, "desk")
+    open_page(abnormal, origin(abnormal) + path)
+    button = abnormal.locator(".u-wide > .panel > .u-form > button.edge")
+    below = "(one) => document.querySelector('.foot').getBoundingClientRect().top - one.getBoundingClientRect().bottom"
+    assert button.evaluate(below) >= 0
+
+
 def test_a_long_list_does_not_make_the_page_higher(abnormal: Page) -> None:
     page = abnormal
     speak(page, "en", origin(page))
