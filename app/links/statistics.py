@@ -14,7 +14,7 @@
 | connections | open now |
 | simulated | 1 when every unit says that it is simulated |
 
-and for each unit `sys.link.<link>.unit<n>.…`: state, answer_time (smoothed [ms]), timeouts, exceptions.
+and for each unit `sys.link.<link>.unit<n>.…`: state, answer_time (smoothed [ms]; none while it does not answer), timeouts, exceptions.
 """
 
 from collections.abc import Iterable, Sequence
@@ -28,6 +28,7 @@ from app.links.contract import Counts
 from app.plant.definitions import Link
 from app.tags.batch import Batch, Value
 from app.tags.database import TagDatabase
+from app.tags.quality import COMM_FAILURE, GOOD
 
 SOURCE = "sys"
 
@@ -73,6 +74,10 @@ class LinkState(IntEnum):
     SOME_SILENT = 2
     DOWN = 3
     CONFIGURATION = 4
+
+
+ANSWERS = (LinkState.UP, LinkState.CONFIGURATION)
+"""States of a unit that answers."""
 
 
 def statistic_names(link: Link | str, units: Iterable[int]) -> list[str]:
@@ -198,7 +203,8 @@ class StatisticsPublisher:
         last |= changed
         now = self._clock.micros()
         handles = [tags.handle(self._prefix + key) for key in changed]
-        tags.publish(Batch(SOURCE, self._block, now, now, handles, list(changed.values())))
+        qualities = [COMM_FAILURE if value is None else GOOD for value in changed.values()]
+        tags.publish(Batch(SOURCE, self._block, now, now, handles, list(changed.values()), qualities=qualities))
 
     def _values(self) -> dict[str, Value]:
         s = self._statistics
@@ -220,7 +226,8 @@ class StatisticsPublisher:
         }
         for unit, of_unit in s.units.items():
             values[f"unit{unit}.state"] = int(of_unit.state)
-            values[f"unit{unit}.answer_time"] = round(of_unit.answer_time * 1000, 1)
+            took = round(of_unit.answer_time * 1000, 1)
+            values[f"unit{unit}.answer_time"] = took if of_unit.state in ANSWERS else None
             values[f"unit{unit}.timeouts"] = of_unit.timeouts
             values[f"unit{unit}.exceptions"] = of_unit.exceptions
         return values
