@@ -45,6 +45,10 @@ FLAGS: tuple[tuple[Origin, str], ...] = (
 )
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 """A text cell that begins so is a formula to a spreadsheet program; an apostrophe before it makes it text."""
+WHOLE = 2.0**53
+"""Up to here every whole number is stored to the last unit."""
+DIGITS = 15
+"""Of any other number: as many as a double holds of any decimal; more would show its binary fraction."""
 BOM = "\ufeff"
 PAGE = 2000
 """Samples per question to the database."""
@@ -201,7 +205,7 @@ class Sheet:
         return f"{utc_head}{seconds}Z{local_head}{seconds}{offset}"
 
     def _number(self, value: float) -> str:
-        text = str(int(value)) if value.is_integer() and abs(value) < 1e15 else f"{value:.12g}"
+        text = str(int(value)) if value.is_integer() and abs(value) <= WHOLE else f"{value:.{DIGITS}g}"
         if "e" in text:
             text = f"{Decimal(text):f}"
         return text if self._decimal == "." else text.replace(".", self._decimal)

@@ -91,6 +91,8 @@ def test_values_are_exact_and_never_with_an_exponent() -> None:
             (1e-7, "0.0000001"),
             (49.900000000000006, "49.9"),
             (1e20, "1" + "0" * 20),
+            (9007199254740991.0, "9007199254740991"),  # the largest count that a double holds to the last unit
+            (45.815399123456, "45.815399123456"),
             (-0.0, "0"),
         ]
         rows = [(1, BEGIN + i, value, None, GOOD) for i, (value, _) in enumerate(wanted)]
