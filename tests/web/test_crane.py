@@ -103,6 +103,23 @@ def test_every_bit_of_a_drive_stands_in_its_dialog(ivana: Operator, drive: str) 
     assert f"reset_hours?motor={DRIVES.index(drive) + 1}" in drawn
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize(
+    "path", ["page/hoist", "page/trolley", "page/bridge", "page/sequence", "part/drive?drive=hoist_1"]
+)
+def test_a_condition_says_in_other_words_that_it_is_missing(ivana: Operator, path: str, language: str) -> None:
+    """Both are there, and the value picks: the good one is not read beside an empty box."""
+    drawn = page(ivana, f"/equipment/cr1/{path}", language)
+    lines = re.findall(r'<li data-tag="(cr1\.\w+)" data-class="k-no:0,bad"(.*?)</li>', drawn, re.DOTALL)
+    assert len(lines) >= 5
+    for tag, line in lines:
+        said = re.findall(rf'<span\s+data-tag="{tag}" data-show="(1,bad|0)"( hidden)?>([^<]+)</span>', line)
+        assert [shows for shows, _, _ in said] == ["1,bad", "0"], line
+        met = value(ivana.staff.client, tag.removeprefix("cr1.")) == 1
+        assert [bool(hidden) for _, hidden, _ in said] == [not met, met], line
+        assert said[0][2] != said[1][2], line
+
+
 @pytest.mark.parametrize("given", ["", "?drive=none", "?drive=hoist_1%22"])
 def test_another_drive_than_there_is_is_the_first_one(ivana: Operator, given: str) -> None:
     assert "Hoist drive 1" in page(ivana, f"/equipment/cr1/part/drive{given}")
