@@ -165,6 +165,11 @@ def test_the_fault_buffer_is_read_on_a_press_and_by_itself_when_a_fault_comes(si
     expect(present).to_have_attribute("data-code", "F30005", timeout=20_000)
     expect(present).to_contain_text("Reduce the load, let it cool down.")
     expect(page.locator("#fb .fb-old")).to_have_count(0, timeout=20_000)
+    lay_out(page, *SIZES["phone"], "desk")
+    value = present.locator("td").nth(1)
+    expect(value).to_have_text(re.compile(r"^\s*Value \d+\s*$"))
+    assert value.evaluate("cell => getComputedStyle(cell, '::before').content") == "none"  # it is of no drive object
+    assert page.evaluate(BOTH) == []
     fault(page, "d2", 0)
 
 
