@@ -2,10 +2,12 @@
 
 import time
 from collections.abc import Callable
-from pathlib import Path
+from dataclasses import replace
 
+from app import bundled
 from app.clock import SystemClock
-from app.plant.definitions import Device, Equipment, EquipmentType, Link, Plant
+from app.plant.definitions import Link
+from app.plant.loader import read_plant
 from app.sim.conveyor.machine import Geometry
 from app.sim.conveyor.program import VirtualConveyor
 from app.sim.plant import SimPlant
@@ -92,10 +94,12 @@ def _scan() -> list[Row]:
 
 
 def _plant() -> list[Row]:
-    kind = EquipmentType("conveyor", Path(), "type", Device(), {}, {}, (), (), {}, (), {})
-    options: dict[str, object] = {"simulation": {"start": "automatic", "interval": 3.0, **QUICK}}
-    equipment = {f"c{n}": Equipment(f"c{n}", kind, "l", n, {}, "", {}, (), options) for n in range(1, LINES + 1)}
-    plant = Plant(Path(), {}, "UTC", ("en",), {}, {"l": Link("l", "memory")}, equipment, {"conveyor": kind})
+    plant, problems = read_plant(bundled("plants/demo"))
+    assert plant is not None, problems
+    line = next(item for item in plant.equipment.values() if item.type.name == "conveyor")
+    options = {**line.options, "simulation": {"start": "automatic", "interval": 3.0, **QUICK}}
+    equipment = {f"c{n}": replace(line, link="l", id=f"c{n}", unit=n, options=options) for n in range(1, LINES + 1)}
+    plant = replace(plant, links={"l": Link("l", "memory")}, equipment=equipment)
     sim = SimPlant(plant, SystemClock())
     lines = [line for line in sim.devices.values() if isinstance(line, VirtualConveyor)]
     for _ in range(1500):
