@@ -108,8 +108,7 @@ class Recorder:
                 self._by_id[point.id] = track
         now = self._clock.micros()
         for track in before.values():
-            track.end(self._rows)
-            self._rows.append((track.number, max(now, track.time + 1), None, None, NO_DATA))
+            track.lose(now, self._rows)
         self._map()
         self._take_as_it_stands()
 

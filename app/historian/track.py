@@ -36,12 +36,15 @@ class Track:
     """Whether one of them was outside the dead-band of the stored one: only a line tells it, and that is drawn for so long only."""
     least: float = -math.inf
     most: float = math.inf
+    ahead: int = 0
+    """Until then was told what was so before the clock was set back; 0 = the clock is behind it [µs]."""
 
     def take(self, time: int, value: Value, quality: int, seen: int, rows: list[Row]) -> None:
         """Add to `rows` what has to be stored now that the point is `value`.
 
         `seen` is when its source last made sure of the value before: until then it had not changed [µs UTC].
         """
+        self._pass(time, rows)
         if self.linear and self.quality >= 0 and (self.held_time or self.time) < seen < time:
             self._put(seen, self.held if self.held_time else self.value, self.quality, rows)
         self._put(time, value, quality, rows)
@@ -56,6 +59,7 @@ class Track:
             self.end(rows)
             rows.append(self._row(now, value, self.quality))
             self._anchor(now, value, self.quality)
+        self._pass(now, rows)
         if self.held_time and now - self.time >= RAMP and self.strayed:
             self.end(rows)
         if self.quality >= 0 and now - self.time >= HEARTBEAT:
@@ -66,6 +70,25 @@ class Track:
         if self.held_time:
             rows.append(self._row(self.held_time, self.held, self.quality))
             self._anchor(self.held_time, self.held, self.quality)
+
+    def lose(self, time: int, rows: list[Row]) -> None:
+        """Add that from `time` on nothing is known of the point, also behind what was told before a clock was set back."""
+        self.end(rows)
+        told = max(self.ahead, self.time)
+        if told != time:
+            rows.append((self.number, time, None, None, NO_DATA))
+        if told >= time:
+            rows.append((self.number, told + 1, None, None, NO_DATA))
+
+    def _pass(self, time: int, rows: list[Row]) -> None:
+        """Behind what was told before the clock was set back the point is what it is now, not what it was then."""
+        if not self.ahead or time <= self.ahead:
+            return
+        self.end(rows)
+        behind, self.ahead = self.ahead + 1, 0
+        if self.quality >= 0:
+            rows.append(self._row(behind, self.value, self.quality))
+            self._anchor(behind, self.value, self.quality)
 
     def _put(self, time: int, value: Value, quality: int, rows: list[Row]) -> None:
         if quality == self.quality and 0 < time - self.time < HEARTBEAT and self._suppressed(time, value, rows):
@@ -106,6 +129,8 @@ class Track:
         return bool(abs(value - self.value) <= self.dead_band * SLACK)  # type: ignore[operator]
 
     def _anchor(self, time: int, value: Value, quality: int) -> None:
+        if time < self.time:
+            self.ahead = max(self.ahead, self.time)
         self.time, self.value, self.quality = time, value, quality
         self.held, self.held_time, self.strayed = None, 0, False
         self.least, self.most = -math.inf, math.inf

@@ -213,6 +213,49 @@ async def test_what_does_not_change_is_stored_where_the_clock_was_set_back_to(hi
         assert [(time, told) for time, told, _ in rows_of(history, name)][:-1] == [(back, value)]
 
 
+@pytest.mark.parametrize("back", [0.2, 2, 3600])
+async def test_behind_the_time_that_was_lived_twice_stands_what_is_so_then(history: Database, back: float) -> None:
+    """What was stored before the clock was set back does not come true again when that time comes."""
+    names = {"m1.speed": 7.0, "m1.fault": "", "m1.run": 0}
+    source, made = await recording(history, point(), point("m1.fault", Kind.TEXT), point("m1.run", Kind.BOOL))
+    source.publish(m1_speed=1.0, m1_fault="OC", m1_run=1)
+    source.clock.advance(1)
+    source.publish(m1_speed=5.0, m1_fault="UV", m1_run=1)
+    before = source.clock.micros()
+    source.clock.step_wall(-back)
+    source.clock.advance(back / 4)
+    source.publish(m1_speed=7.0, m1_fault="", m1_run=0)
+    source.clock.advance(back / 4)
+    await made.flush()
+    source.clock.advance(back / 2 + 0.01)
+    await made.flush()
+    for name, value in names.items():
+        assert [row[1:] for row in rows_of(history, name) if row[0] <= before + 1][-1] == (value, GOOD), name
+    source.clock.advance(1)
+    source.publish(m1_speed=8.0)
+    await made.flush()
+    assert rows_of(history)[-1][1:] == (8.0, GOOD)
+
+
+@pytest.mark.parametrize("noticed", [True, False])
+async def test_a_point_that_goes_after_the_clock_was_set_back_is_not_good_later(
+    history: Database, noticed: bool
+) -> None:
+    source, made = await recording(history, point())
+    source.publish(m1_speed=1.0)
+    before = source.clock.micros()
+    source.clock.step_wall(-2)
+    if noticed:
+        source.publish(m1_speed=2.0)
+    source.clock.advance(0.5)
+    gone = source.clock.micros()
+    made.follow([], {})
+    await made.close()
+    rows = rows_of(history)
+    assert (gone, None, NO_DATA) in rows
+    assert rows[-1] == (before + 1, None, NO_DATA)
+
+
 async def test_a_server_killed_after_its_clock_was_set_back_leaves_no_good_value_behind(history: Database) -> None:
     """Its last sign of life is not the latest one: that is of before the clock was set."""
     source, made = await recording(history, point())
