@@ -205,8 +205,8 @@ class Examiner:
         learned, turn = station.learned, 0
         while _refused(station)[0]:
             pause = min(station.look_pause, LAST_LOOK)
-            station.look_pause = 2 * pause
             await asyncio.sleep(min(pause, KNOWN_LOOK) if _refused(station)[1] else pause)
+            station.look_pause = 2 * pause  # not before: a look that a lost line prevented was none
             wanted, known = _refused(station)
             if not wanted:
                 break

@@ -237,3 +237,22 @@ async def test_registers_that_appear_later_are_found_again() -> None:
         await until(lambda: line.quality("m.v0") == NOT_CONNECTED | SIMULATED)
         device.words = {0: 1, 1: 2, 2: 3}
         await until(lambda: line.value("m.v2") == 3)
+
+
+async def test_looks_that_a_lost_line_prevented_do_not_put_off_the_next() -> None:
+    """A device that starts refuses its registers, and its line is lost and found a few times meanwhile."""
+    device, cut = RegisterDevice({0: 1, 2: 3}), False
+
+    async def exchange(unit: int, pdu: bytes) -> bytes | None:
+        return None if cut else await on_bus(bus)(unit, pdu)
+
+    bus = Bus({1: device})
+    async with running([row("m", 1, 3, replace(QUICK, timeout=0.05))], exchange=exchange) as line:
+        await until(lambda: line.quality("m.v1") == NOT_CONNECTED | SIMULATED)
+        for _ in range(8):
+            cut = True
+            await until(lambda: line.link.stations[1].state is LinkState.DOWN)
+            cut = False
+            await until(lambda: is_good(line.quality("m.v2")))
+        device.words[1] = 2
+        await until(lambda: line.value("m.v1") == 2, 10.0)
