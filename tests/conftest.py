@@ -6,6 +6,7 @@ import gc
 import os
 import shutil
 import socket
+import ssl
 import subprocess
 import sys
 import time
@@ -186,7 +187,8 @@ class PogonServer:
                     [sys.executable, "-m", "app.cli", "run", *arguments],
                     cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=sink, stderr=subprocess.STDOUT,
                 )  # fmt: skip
-        server = cls(f"http://127.0.0.1:{given['port']}", data, output, process)
+        scheme = "https" if given.get("tls_cert") else "http"
+        server = cls(f"{scheme}://127.0.0.1:{given['port']}", data, output, process)
         try:
             wait_healthy(server)
         except BaseException:
@@ -235,11 +237,12 @@ def pogon_server(tmp_path: Path) -> Iterator[Callable[..., PogonServer]]:
 
 def wait_healthy(server: PogonServer) -> None:
     until = time.monotonic() + START_LIMIT
+    anybody = ssl._create_unverified_context() if server.url.startswith("https:") else None
     while time.monotonic() < until:
         if server.process.poll() is not None:
             pytest.fail(f"pogon ended with {server.process.returncode} at start:\n{server.log()}")
         try:
-            with urllib.request.urlopen(f"{server.url}/healthz", timeout=2):
+            with urllib.request.urlopen(f"{server.url}/healthz", timeout=2, context=anybody):
                 return
         except (urllib.error.URLError, ConnectionError, TimeoutError):
             time.sleep(0.05)

@@ -19,7 +19,9 @@ from collections.abc import Awaitable, Callable, Collection
 from typing import Any
 
 import orjson
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from app.access.roles import Person
@@ -55,6 +57,14 @@ FIRST_WORD = 10.0
 """A browser that has not subscribed by then is closed [s]."""
 SLOWEST_SEND = 20.0
 """A browser that does not take one frame within this is closed [s]."""
+TOLD_AGAIN = 60.0
+"""Why the sockets of this server are refused is logged again after this [s]."""
+NO_UPGRADE = (
+    "expected a WebSocket: a proxy before this server has to pass Upgrade and Connection on (docs/operations.md)"
+)
+OTHER_ORIGIN = (
+    "expected the origin of this host: a proxy has to pass Host and X-Forwarded-Proto on (docs/operations.md)"
+)
 POLICY = 1008
 TOO_LARGE = 1009
 GOING_AWAY = 1001
@@ -90,6 +100,7 @@ class Sockets:
         self.per_address = per_address
         self.per_session = per_session
         self.recheck = RECHECK
+        self._told: dict[str, float] = {}
         self._open: dict[WebSocket, tuple[str, str]] = {}
         self._guests: dict[WebSocket, None] = {}
         self._count: Counter[tuple[str, str]] = Counter()
@@ -119,6 +130,22 @@ class Sockets:
         if not session:
             self._guests[websocket] = None
         return True
+
+    def refuse(self, connection: HTTPConnection, why: str) -> None:
+        """Log `why` no socket comes about, with what says so; the same once a minute, as every page asks again each second."""
+        now = asyncio.get_running_loop().time()
+        if now - self._told.get(why, -TOLD_AGAIN) < TOLD_AGAIN:
+            return
+        self._told[why] = now
+        said = connection.headers
+        log.warning(
+            "socket refused scheme=%s host=%r origin=%r address=%s reason=%s",
+            connection.scope["scheme"],
+            said.get("host", ""),
+            said.get("origin", ""),
+            address_of(connection.scope),
+            why,
+        )
 
     def leave(self, websocket: WebSocket) -> None:
         """Count it out."""
@@ -164,10 +191,11 @@ def sockets_of(app: Any) -> Sockets:
 async def live(websocket: WebSocket) -> None:
     """One page of one browser."""
     runtime = websocket.app.state.runtime
+    sockets = sockets_of(websocket.app)
     if not same_origin(websocket, runtime.settings.hosts):
+        sockets.refuse(websocket, OTHER_ORIGIN)
         await websocket.close(POLICY)
         return
-    sockets = sockets_of(websocket.app)
     person: Person | None = getattr(websocket.state, "person", None)
     if not sockets.enter(websocket, address_of(websocket.scope), person.session if person else ""):
         log.warning("socket refused open=%s", len(sockets))
@@ -178,6 +206,13 @@ async def live(websocket: WebSocket) -> None:
         await _Conversation(websocket, sockets).run()
     finally:
         sockets.leave(websocket)
+
+
+@router.get("/live", dependencies=[allow("open")])  # tells nothing
+async def no_socket(request: Request) -> PlainTextResponse:
+    """A socket whose wish to be one was lost on the road."""
+    sockets_of(request.app).refuse(request, NO_UPGRADE)
+    return PlainTextResponse(f"{NO_UPGRADE}\n", 426, {"Connection": "Upgrade", "Upgrade": "websocket"})
 
 
 def same_origin(websocket: WebSocket, hosts: frozenset[str]) -> bool:

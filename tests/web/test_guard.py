@@ -33,6 +33,7 @@ OPEN = {
     "GET /signin",
     "GET /static/{name:path}",
     "HEAD /static/{name:path}",
+    "GET /live",  # says that it wants to be a socket
     "LIVE /live",  # asks at each subscription
     "POST /first",
     "POST /language",

@@ -222,6 +222,32 @@ async def test_a_socket_of_another_site_is_refused_even_with_a_forged_origin(ser
             pass
 
 
+async def test_why_no_socket_comes_about_is_logged_once_a_minute(
+    served: Served, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A proxy that keeps the name for itself: the pages come, and stay without values."""
+    for _ in range(3):
+        with pytest.raises(InvalidStatus):
+            async with served.open(origin="https://hall.example"):
+                pass
+    (told,) = [message for message in caplog.messages if message.startswith("socket refused")]
+    assert f"scheme=ws host='127.0.0.1:{served.port}' origin='https://hall.example'" in told
+    assert told.endswith("a proxy has to pass Host and X-Forwarded-Proto on (docs/operations.md)")
+
+
+async def test_a_socket_whose_upgrade_was_lost_on_the_road_is_told_so(
+    served: Served, caplog: pytest.LogCaptureFixture
+) -> None:
+    for _ in range(3):
+        reader, writer = await asyncio.open_connection("127.0.0.1", served.port)
+        writer.write(f"GET /live HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nConnection: close\r\n\r\n".encode())
+        answer = (await asyncio.wait_for(reader.read(), 15)).decode()
+        writer.close()
+        assert answer.startswith("HTTP/1.1 426 Upgrade Required\r\n")
+        assert answer.endswith("has to pass Upgrade and Connection on (docs/operations.md)\n")
+    assert sum(message.startswith("socket refused scheme=http ") for message in caplog.messages) == 1
+
+
 async def test_who_may_not_watch_is_told_so(served: Served) -> None:
     served.hall.simulated = False
     async with served.open() as socket:
