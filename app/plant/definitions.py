@@ -15,6 +15,7 @@ from app.plant.condition import Condition as Condition
 from app.plant.lesson_definition import Lesson
 from app.plant.picture import PictureData
 from app.plant.sequence_definition import SequenceDefinition
+from app.plant.simulation import Simulation
 from app.plant.today import Figures
 from app.profidrive.parameter_access.parameter import DriveParameter
 from app.records.kind import RecordKind, joined
@@ -459,6 +460,7 @@ class EquipmentType:
     records: Mapping[str, RecordKind] = field(default_factory=dict)
     """What it keeps of its history, by name, in the order of records.toml."""
     training: Training = field(default_factory=Training)
+    simulation: Simulation | None = None  # what its virtual device does, when its data says it (simulation.toml)
     kin: str = ""
     """Type whose texts, drive parameters and style sheets it has, too."""
     drive_parameters: Mapping[str, DriveParameter] = field(default_factory=dict)

@@ -5,7 +5,8 @@ plant/type_files.
 them (what one `expected` is a text, or one for each language); `points.toml` values; `setpoints.toml` parameters (each is a point too);
 `checks.toml` what must hold between them (`[key]` with `expression`); `ratings.toml` what a device says of itself against the options;
 `commands.toml`; `interlocks.toml` with `[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `training.toml` (plant/training.py);
-`texts.<lang>.toml`; of a Pogon PLC also `tables.toml` and `events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py); of a drive
+`simulation.toml`, the machine behind its registers (type_files/simulation.py); `texts.<lang>.toml`;
+of a Pogon PLC also `tables.toml` and `events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py); of a drive
 `parameters.toml`, behind a mailbox (plant/drive_parameters.py) or as registers (plant/register_parameters.py).
 
 Of a type whose equipment runs a sequence, and of a machine that one may use, device.toml says:
@@ -31,6 +32,7 @@ A missing file but device.toml and points.toml means: there are none of these. N
 data wins.
 """
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -63,6 +65,8 @@ from app.plant.type_files.registers import check_registers, check_telegrams
 from app.plant.type_files.repeats import Repeats, read_repeats, written_out
 from app.plant.type_files.sentences import Sentences
 from app.plant.type_files.setpoints import read_setpoints
+from app.plant.type_files.simulation import FILE as SIMULATION
+from app.plant.type_files.simulation import SimulationReader
 from app.plant.type_files.tables import read_tables
 from app.plant.type_files.texts import flatten
 from app.plant.type_files.today import read_today
@@ -255,6 +259,11 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     check_commands(guards, "permissives", permissives, commands, name)
     check_commands(guards, "interlocks", interlocks, commands, name)
     training = read_training(files.open("training.toml"), tuple(points.found))
+    simulated = os.path.lexists(files.folder / SIMULATION)
+    described = files.open(SIMULATION, optional=not simulated)
+    simulation = None
+    if simulated and described.data:
+        simulation = SimulationReader(name, points.found, options, training).read(described, device, setpoints)
     today = read_today(files.open("today.toml"), {key: data.point for key, data in points.found.items()}, kinds)
     known = files.open("parameters.toml")
     if device.parameters:
@@ -305,6 +314,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         simulation_presets=simulation_presets,
         records=kinds,
         training=training,
+        simulation=simulation,
         kin=kin.name,
         drive_parameters=parameters_known,
         symbol=symbol,

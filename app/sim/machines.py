@@ -2,7 +2,7 @@
 
 Its package holds `build`, which makes the virtual device of an equipment (`sim/device.py` says what that is), and `FAULTS`, the status
 codes that it takes as a machine fault; one that takes none has no `FAULTS`.
-A folder without `build` is mechanics that have no registers yet.
+A folder without `build` is mechanics that have no registers yet. A type whose data describes its machine (`simulation.toml`) needs none.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -10,6 +10,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from app.plant.definitions import Equipment
+from app.sim.described.device import describe
 from app.sim.device import VirtualDevice
 
 Factory = Callable[[Equipment, int], VirtualDevice]
@@ -27,3 +28,8 @@ MACHINE_FAULTS: Mapping[str, Sequence[int]] = {
     name: tuple(getattr(package, "FAULTS", ())) for name, package in _PACKAGES.items()
 }
 """Equipment type → the status codes that its virtual device takes as a machine fault (0xE010)."""
+
+
+def factory_of(item: Equipment, factories: Mapping[str, Factory] = VIRTUAL_DEVICES) -> Factory | None:
+    """What builds the virtual device of a machine: one of ours, or what its type describes; None: nothing does."""
+    return factories.get(item.type.name) or (describe if item.type.simulation else None)

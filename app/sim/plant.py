@@ -24,10 +24,15 @@ from app.plant.loader import PLANT_FILE, read_plant, shortened
 from app.plant.problems import Problem
 from app.plant.said import not_as, said
 from app.plant.sequences import program
+from app.plant.type_files.simulation import FILE as SIMULATION
+from app.plant.types import OWN
 from app.registers.codec import decode
+from app.registers.pdu import FUNCTIONS
 from app.sim.bus import Bus, damaged
+from app.sim.described.device import DescribedDevice
+from app.sim.described.unit import SharedUnit
 from app.sim.device import DT, Paced, Permanent, VirtualDevice
-from app.sim.machines import VIRTUAL_DEVICES, Factory
+from app.sim.machines import VIRTUAL_DEVICES, Factory, factory_of
 from app.sim.plc import VirtualPlc
 from app.sim.sequence.machine import Machine
 from app.sim.sequence.orders import Desk
@@ -60,8 +65,8 @@ def read_simulated(
         return None, problems
     known = VIRTUAL_DEVICES if factories is None else factories
     for item in plant.equipment.values():
-        if plant.links[item.link].simulated and item.type.name not in known:
-            expected = said("mistake.real_link", type=item.type.name)
+        if plant.links[item.link].simulated and factory_of(item, known) is None:
+            expected = said("mistake.real_link", type=item.type.name, file=f"{OWN}/{item.type.name}/{SIMULATION}")
             problems.append(Problem(PLANT_FILE, f"equipment.{item.id}.link", f'"{item.link}"', expected))
         elif plant.links[item.link].simulated:
             try:
@@ -115,11 +120,7 @@ class SimPlant:
         """Who carries the commands of a sequence to the machines; nobody where there is no gate."""
         self._couple()
         self.buses: Mapping[str, Bus] = {
-            name: Bus(
-                {item.unit: self.devices[id] for id, item in self.equipment.items() if item.link == name},
-                turnaround=turnaround,
-            )
-            for name in wanted
+            name: Bus(_on_link(name, self.equipment, self.devices), turnaround=turnaround) for name in wanted
         }
         """By link."""
         self._clock = clock
@@ -179,7 +180,7 @@ class SimPlant:
     ) -> None:
         """Go on with what `renewed` gave; devices that are not among it stand still from now on."""
         for name, bus in buses.items():
-            bus.devices = {item.unit: devices[id] for id, item in equipment.items() if item.link == name}
+            bus.devices = _on_link(name, equipment, devices)
         stay = list(devices.values())
         for device in self.devices.values():
             if isinstance(device, VirtualSequence) and not any(device is each for each in stay):
@@ -260,8 +261,9 @@ class SimPlant:
         point = item.points.get(key) if item else None
         if device is None or point is None or point.register is None:
             return nan
+        register = point.register
         try:
-            found = decode(point.register, device.read(3, point.register.address, point.register.words))
+            found = decode(register, device.read(FUNCTIONS[register.table], register.address, register.words))
         except DeviceException:
             return nan
         return float(found) if isinstance(found, int | float) and isfinite(found) else nan
@@ -353,15 +355,35 @@ def units(equipment: Mapping[str, Equipment], devices: Mapping[str, VirtualDevic
     """
     if found := clashes(equipment.values()):
         raise ConfigurationError(f"{found}: expected different units on one port, or one link of them")
-    return {item.unit: devices[id] for id, item in equipment.items()}
+    links = dict.fromkeys(item.link for item in equipment.values())
+    return {unit: device for name in links for unit, device in _on_link(name, equipment, devices).items()}
+
+
+def _on_link(
+    name: str, equipment: Mapping[str, Equipment], devices: Mapping[str, VirtualDevice]
+) -> dict[int, VirtualDevice]:
+    """The devices of a link by unit; several machines behind one unit are one there."""
+    found: dict[int, list[VirtualDevice]] = {}
+    for id, item in equipment.items():
+        if item.link == name:
+            found.setdefault(item.unit, []).append(devices[id])
+    return {unit: _one(of) for unit, of in found.items()}
+
+
+def _one(machines: list[VirtualDevice]) -> VirtualDevice:
+    """What the line has of the machines of a unit: only what is described shares one (`shared_units.read_base`)."""
+    described = [one for one in machines if isinstance(one, DescribedDevice)]
+    return SharedUnit(described) if len(described) > 1 else machines[-1]
 
 
 def clashes(equipment: Iterable[Equipment]) -> str:
     """The machines that would have the same unit on one port, in words; empty: none."""
-    owners: dict[int, list[str]] = {}
-    for item in equipment:
-        owners.setdefault(item.unit, []).append(f"{item.id} on link {item.link}")
-    return "; ".join(f"unit {unit} is {' and '.join(of)}" for unit, of in sorted(owners.items()) if len(of) > 1)
+    owners: dict[int, dict[str, str]] = {}
+    for item in equipment:  # those of one link that share a unit are one device
+        owners.setdefault(item.unit, {}).setdefault(item.link, f"{item.id} on link {item.link}")
+    return "; ".join(
+        f"unit {unit} is {' and '.join(of.values())}" for unit, of in sorted(owners.items()) if len(of) > 1
+    )
 
 
 def clashes_of(plant: Plant) -> str:
@@ -379,7 +401,7 @@ def _named(item: Equipment) -> Iterator[None]:
 
 
 def _build(item: Equipment, seed: int, factories: Mapping[str, Factory]) -> VirtualDevice:
-    factory = factories.get(item.type.name)
+    factory = factory_of(item, factories)
     if factory is None:
         none = said("mistake.no_virtual", type=item.type.name)
         known = said("mistake.one_of_known", known=", ".join(sorted(factories)) or said("mistake.none_yet"))
@@ -390,7 +412,16 @@ def _build(item: Equipment, seed: int, factories: Mapping[str, Factory]) -> Virt
 def _is_like(before: Equipment, item: Equipment) -> bool:
     """Whether the device of `before` is one of `item`, too."""
     programs = [each.sequence and program(each.sequence) for each in (before, item)]
-    return (before.type.name, before.options, programs[0]) == (item.type.name, item.options, programs[1])
+    if (before.type.name, before.options, programs[0]) != (item.type.name, item.options, programs[1]):
+        return False
+    return item.type.simulation is None or _described(before) == _described(item)
+
+
+def _described(item: Equipment) -> object:
+    """All that a described device is made of, besides its options."""
+    registers = {key: point.register for key, point in item.points.items() if point.register}
+    kind = item.type
+    return kind.simulation, kind.device, kind.setpoints, kind.training, registers, item.base
 
 
 def _coupled(

@@ -92,7 +92,12 @@ def test_a_simulated_link_of_a_machine_that_nothing_simulates_is_the_mistake(tmp
     broken, problems = read_simulated(tmp_path, {"other": build})
     assert broken is None
     assert {(one.key, one.value, one.expected) for one in problems} >= {
-        ("equipment.m1.link", '"hall"', "a link that is not memory: type eura_e800 has no virtual device")
+        (
+            "equipment.m1.link",
+            '"hall"',
+            "a link that is not memory: type eura_e800 has no virtual device; "
+            "equipment/eura_e800/simulation.toml would describe one",
+        )
     }
     assert not [one for one in problems if one.key.endswith(".simulation")]
 

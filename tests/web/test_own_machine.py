@@ -29,7 +29,7 @@ def write(folder: Path, host: str = "127.0.0.1") -> Path:
     text = PAGE.replace("192.168.0.20", host)
     names = re.findall(r"`((?:equipment/meter/)?\w+(?:\.en)?\.toml)`", text[text.index("A meter with") :])
     blocks = re.findall(r"```toml\n(.*?)```", text, re.S)
-    assert len(names) == len(blocks) == 8
+    assert len(names) == len(blocks) == 9
     for name, block in zip(names, blocks, strict=True):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(block, "utf-8")
@@ -192,7 +192,30 @@ def test_a_name_that_some_part_of_pogon_has_is_an_ordinary_one(tmp_path: Path, n
     assert type_tests.tests_of(name) is None
 
 
-def test_it_has_no_virtual_device_and_none_of_its_python_is_run(tmp_path: Path) -> None:
+def simulated(folder: Path) -> Path:
+    """The plant of the page with its meter in the server."""
+    plant = folder / "plant.toml"
+    text = plant.read_text("utf-8").replace('"tcp"', '"memory"').replace('host = "127.0.0.1"\nport = 502\n', "")
+    plant.write_text(text.replace("writes = true\n", ""), "utf-8")
+    return folder
+
+
+def test_by_its_description_it_is_simulated_commanded_and_counts(tmp_path: Path) -> None:
+    with house(Settings(plant=simulated(write(tmp_path / "plant")), data=tmp_path / "data")) as browser:
+        assert runtime_of(browser).problems == []
+        tags = runtime_of(browser).tags
+        assert until(lambda: tags.sample("p1.state").value == 0 and tags.sample("p1.limit").value == 50, 20)
+        ana = Operator(Staff(browser), "ana", ("engineer", "operator"))
+        ana.take("p1")
+        ana.press("/equipment/p1/command/on")
+        assert until(lambda: tags.sample("p1.state").value == 1, 5)
+        browser.pass_time(20)
+        assert tags.sample("p1.power").value == pytest.approx(9.6, abs=0.15)
+        assert until(lambda: tags.sample("p1.energy").value == 1251, 500)
+        assert ana.get("/instructor/p1", fragment=False).status_code == 200
+
+
+def test_without_a_description_it_has_no_virtual_device_and_none_of_its_python_is_run(tmp_path: Path) -> None:
     folder = write(tmp_path)
     own = folder / "equipment" / "meter"
     (own / "records.py").write_text("raise SystemExit('run')\n", "utf-8")
@@ -200,10 +223,10 @@ def test_it_has_no_virtual_device_and_none_of_its_python_is_run(tmp_path: Path) 
     (own / "records.toml").write_text("[batch]\n", "utf-8")
     assert any("equipment/meter/records.toml" in one for one in mistakes(folder))
     (own / "records.toml").unlink()
-    plant = folder / "plant.toml"
-    text = plant.read_text("utf-8").replace('"tcp"', '"memory"').replace('host = "127.0.0.1"\nport = 502\n', "")
-    plant.write_text(text, "utf-8")
-    assert [problem.key for problem in read_simulated(folder)[1]] == ["equipment.p1.link"]
+    (own / "simulation.toml").unlink()
+    (problem,) = read_simulated(simulated(folder))[1]
+    assert problem.key == "equipment.p1.link"
+    assert "equipment/meter/simulation.toml would describe one" in problem.expected
 
 
 def test_a_link_out_of_the_plant_folder_is_not_followed(tmp_path: Path) -> None:

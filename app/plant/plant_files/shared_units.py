@@ -22,7 +22,7 @@ def read_base(table: Table, kind: EquipmentType, link: Link | None) -> int:
         return 0
     if kind.device.services:
         table.note("base", base, said("mistake.base_services", type=kind.name))
-    elif link is not None and link.transport == "memory":
+    elif link is not None and link.transport == "memory" and kind.simulation is None:
         table.note("base", base, said("mistake.base_simulated"))
     return base
 
