@@ -21,6 +21,7 @@ from app.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from app.plant.definitions import Plant
+    from app.plant.problems import Problem
     from app.settings import Settings
 
 cli = typer.Typer(name="pogon", no_args_is_help=True, help=__doc__)
@@ -132,11 +133,14 @@ def simulate(
 def check(
     folder: Annotated[Path | None, typer.Argument(metavar="[PLANT]", help="Plant folder; else POGON_PLANT.")] = None,
     tests: Annotated[bool, typer.Option("--tests/--no-tests", help="Run the tests of its sequences.")] = True,
+    strict: Annotated[bool, typer.Option("--strict", help="Warnings, too, make the exit code 1.")] = False,
 ) -> None:
     """Read a plant folder and list every mistake in it with file, line, key, value and what was expected.
 
-    The given/when/then tests of its sequences are run on simulated machines; one that fails makes the exit code 1.
+    Warnings are what is taken as it is and seldom meant. The given/when/then tests of its sequences are run on simulated machines; one
+    that fails makes the exit code 1.
     """
+    from app.links.forecast import doubts
     from app.plant.plant_files.links import same_devices
     from app.plant.sequences import unused
     from app.sim.plant import clashes_of
@@ -155,14 +159,20 @@ def check(
                 err=True,
             )
         raise typer.Exit(2)
-    for name in unused(plant):
+    idle = list(unused(plant))
+    for name in idle:
         typer.echo(f"pogon: {where}/{name}: no equipment uses it", err=True)
+    warnings = [*plant.doubts, *doubts(plant)]
+    for warning in warnings:
+        typer.echo(f"pogon: warning: {_placed(where, warning)}", err=True)
     alarms = sum(len(item.alarms) for item in plant.equipment.values())
+    told = f"no mistakes, warnings: {len(warnings)}" if warnings else "no problems"
     typer.echo(
-        f"{where}: no problems. Equipment: {len(plant.equipment)}, links: {len(plant.links)}, "
+        f"{where}: {told}. Equipment: {len(plant.equipment)}, links: {len(plant.links)}, "
         f"points: {len(plant.points)}, alarms: {alarms}, {_check_sums(plant)}languages: {', '.join(plant.languages)}"
     )
-    if tests and not _tests_pass(plant):
+    passed = not tests or _tests_pass(plant)
+    if not passed or (strict and (warnings or idle)):
         raise typer.Exit(1)
 
 
@@ -288,17 +298,23 @@ def _tcp_address(text: str) -> tuple[str, int]:
 
 def plant_or_exit(folder: Path) -> "Plant":
     """The plant in `folder`, or all its problems and exit code 2."""
-    from app.plant.loader import PLANT_FILE
-    from app.plant.sequences import FOLDER
     from app.sim.plant import read_simulated
 
     plant, problems = read_simulated(folder)
     for problem in problems:  # not many: `shortened`
-        place = f"{folder}/" if problem.file == PLANT_FILE or problem.file.startswith(f"{FOLDER}/") else ""
-        typer.echo(f"pogon: {place}{problem}", err=True)
+        typer.echo(f"pogon: {_placed(folder, problem)}", err=True)
     if plant is None:
         raise typer.Exit(2)
     return plant
+
+
+def _placed(folder: Path, problem: "Problem") -> str:
+    """A mistake, or a warning, with the path of its file where that is of the plant folder itself."""
+    from app.plant.loader import PLANT_FILE
+    from app.plant.sequences import FOLDER
+
+    place = f"{folder}/" if problem.file == PLANT_FILE or problem.file.startswith(f"{FOLDER}/") else ""
+    return f"{place}{problem}"
 
 
 def settings_or_exit(**given: str) -> "Settings":

@@ -11,10 +11,11 @@ from app.plant.loader import read_plant
 from app.plant.problems import Problem
 from app.sim import plant as sim_plant
 from tests.demo_plant import plant_folder
+from tests.own_types import write_own
 from tests.plant.transport import PLANT, TYPES, write_plant, write_types
 from tests.test_selftest import CLASH, SECOND, SERIAL
 
-ALONE = PLANT.replace('machine = "p1"\n', "").partition("[equipment.p1]")[0]
+ALONE = PLANT.replace('machine = "p1"\n', 'area = "hall"\n').partition("[equipment.p1]")[0] + "[areas.hall]\n"
 BLINK = """
 [sequence]
 label = "Blink"
@@ -171,3 +172,21 @@ def test_two_names_of_one_serial_device_are_told(tmp_path: Path, plugged_in: boo
         f"expected another device than that of line, {device}: they are one here"
     )
     assert (done.exit_code, done.stderr.splitlines()) == ((2, [said]) if plugged_in else (0, []))
+
+
+def test_a_warning_fails_nothing_unless_that_is_asked_for(tmp_path: Path) -> None:
+    folder = write_own(tmp_path)
+    done = CliRunner().invoke(cli, ["check", str(folder)])
+    assert done.exit_code == 0
+    assert done.stderr.startswith(
+        "pogon: warning: equipment/pumps/commands.toml:2: start_1.moves = true: expected a Stop "
+    )
+    assert done.stdout.startswith(f"{folder}: no mistakes, warnings: 1. Equipment: 7, links: 1,")
+    assert CliRunner().invoke(cli, ["check", str(folder), "--strict"]).exit_code == 1
+    done = CliRunner().invoke(cli, ["check", "plants/demo", "--no-tests", "--strict"])
+    assert (done.exit_code, done.stdout.startswith("plants/demo: no problems. ")) == (0, True), done.stderr
+
+
+def test_a_file_that_nobody_uses_is_a_warning_too(check: Checked) -> None:
+    assert check("--no-tests", "--strict").exit_code == 0
+    assert check("--no-tests", "--strict", spare=BLINK).exit_code == 1

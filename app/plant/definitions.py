@@ -14,6 +14,7 @@ from app.plant.argument import Argument as Argument
 from app.plant.condition import Condition as Condition
 from app.plant.lesson_definition import Lesson
 from app.plant.picture import PictureData
+from app.plant.problems import Problem
 from app.plant.sequence_definition import SequenceDefinition
 from app.plant.simulation import Simulation
 from app.plant.today import Figures
@@ -560,6 +561,7 @@ class Plant:
     lessons: Mapping[str, Lesson] = field(default_factory=dict)  # by name (plant/lessons.py)
     shifts: Sequence[int] = (6 * 60, 14 * 60, 22 * 60)  # when they begin [minutes of the local day]
     alarm_classes: Mapping[str, AlarmClass] = field(default_factory=dict)  # what it says of them itself
+    doubts: Sequence[Problem] = field(default=(), compare=False)  # what is no mistake in its files, and seldom meant
     records: Mapping[str, RecordKind] = field(init=False, compare=False)  # by name: no two types name a kind alike
 
     def __post_init__(self) -> None:

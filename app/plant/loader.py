@@ -114,8 +114,9 @@ class _PlantReader:
         named = tuple(self._languages.named)
         kinds, lessons = self._types.usable, self._lessons.found
         all = machines.found
+        doubts = (*self._source.doubts, *self._types.doubts)
         return Plant(
-            self._folder, name, timezone, named, areas, links, all, kinds, texts, flow, lessons, shifts, classes
+            self._folder, name, timezone, named, areas, links, all, kinds, texts, flow, lessons, shifts, classes, doubts
         )
 
     def _head(self, root: Table) -> tuple[dict[str, str], str, tuple[int, ...]]:

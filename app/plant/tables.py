@@ -58,6 +58,8 @@ class Source:
         self.name = name
         self.path = path
         self.problems: list[Problem] = []
+        self.doubts: list[Problem] = []
+        """What is no mistake and still seldom meant."""
         self.data: dict[str, Any] = {}
         self.written: Mapping[tuple[str, ...], str] = {}
         """Path of a key that a reader made of another one → that one, as it stands in the file."""
@@ -87,15 +89,20 @@ class Source:
         Raises:
             Enough: it is one of very many.
         """
+        self.problems.append(self._told(path, value, expected, line))
+        if len(self.problems) >= STOP_AT:
+            raise Enough(self.problems)
+
+    def doubt(self, path: Sequence[str], value: object, expected: str) -> None:
+        """Remember what is taken as it is at the key `path`, and is seldom meant."""
+        self.doubts.append(self._told(path, value, expected, None))
+
+    def _told(self, path: Sequence[str], value: object, expected: str, line: int | None) -> Problem:
         key = printable(".".join(path) if path else "(file)", LONGEST_SHOWN)
         text = isinstance(value, str) and bool(path) and not isinstance(value, Plain)
         shown = f'"{value}"' if text else value if isinstance(value, str) else _SHORT.repr(value)
         place = line if line is not None else self.line(path)
-        self.problems.append(
-            Problem(self.name, key, printable(shown, LONGEST_SHOWN), printable(expected, LONGEST_EXPECTED), place)
-        )
-        if len(self.problems) >= STOP_AT:
-            raise Enough(self.problems)
+        return Problem(self.name, key, printable(shown, LONGEST_SHOWN), printable(expected, LONGEST_EXPECTED), place)
 
     def line(self, path: Sequence[str]) -> int | None:
         """The line (from 1) on which the key `path` stands, or the nearest table around it."""
@@ -148,6 +155,10 @@ class Table:
     def note(self, key: str, value: object, expected: str) -> None:
         """Remember a mistake at `key` (empty: the table itself)."""
         self.source.note((*self.path, *key.split(".")) if key else self.path, value, expected)
+
+    def doubt(self, key: str, value: object, expected: str) -> None:
+        """Remember what is no mistake at `key` and seldom meant."""
+        self.source.doubt((*self.path, *key.split(".")) if key else self.path, value, expected)
 
     def has(self, key: str) -> bool:
         """Whether the file gives `key`."""

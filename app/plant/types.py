@@ -56,6 +56,7 @@ from app.plant.type_files.commands import CommandReader
 from app.plant.type_files.conditions import check_commands, read_checks, read_guards, read_ratings
 from app.plant.type_files.data import TypeData
 from app.plant.type_files.device import read_actions, read_device, read_picture, read_simulation_presets, read_tile
+from app.plant.type_files.doubts import doubt_type
 from app.plant.type_files.interventions import check_interventions
 from app.plant.type_files.options import read_checks as read_option_checks
 from app.plant.type_files.options import read_options
@@ -134,6 +135,9 @@ def _unfilled(kind: EquipmentType) -> Iterator[Problem]:
 
 def _read_files(files: "_Files", languages: Sequence[str], spoken: Sequence[str]) -> tuple[TypeData, list[Problem]]:
     data = _read(files, languages, spoken)
+    if not any(source.problems for source in files.sources):
+        doubt_type(data, {source.path.name: source.table() for source in files.sources}, own=files.own)
+    data = replace(data, doubts=tuple(doubt for source in files.sources for doubt in source.doubts))
     return data, [*_strange(files), *(problem for source in files.sources for problem in source.problems)]
 
 

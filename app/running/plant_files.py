@@ -12,6 +12,7 @@ from app.access.roles import Person
 from app.commands.interlocks import met, stopped
 from app.errors import UnusableFile
 from app.files import exchange_file, may_exchange, read_bytes
+from app.links import forecast
 from app.plant.changes import Change, compare, digest
 from app.plant.definitions import Plant
 from app.plant.problems import Problem
@@ -44,6 +45,8 @@ class Reading:
     """Text key of why they were not: `plant.refused.…`."""
     error: str = ""
     """What did not take them, for people who configure."""
+    doubts: tuple[Problem, ...] = ()
+    """What is no mistake in them and seldom meant; it holds nothing up."""
 
 
 class PlantFiles:
@@ -192,10 +195,11 @@ class PlantFiles:
         running = self._running()
         if plant is None:
             return None, Reading(tuple(problems))
+        doubts = tuple(await asyncio.to_thread(_doubts, plant))
         if running is None:
-            return plant, Reading(digest=digest([]), first=True)
+            return plant, Reading(digest=digest([]), first=True, doubts=doubts)
         busy = self._running_sequences(running), self._moving(running)
-        return plant, await asyncio.to_thread(_compared, running, plant, *busy)
+        return plant, replace(await asyncio.to_thread(_compared, running, plant, *busy), doubts=doubts)
 
     def _running_sequences(self, plant: Plant) -> list[str]:
         """Equipment whose sequence runs, suspended or not."""
@@ -228,3 +232,8 @@ def _compared(old: Plant, new: Plant, running: Collection[str], moving: Collecti
     """What changes; with some thousand machines this takes a while."""
     told = compare(old, new, running, moving)
     return Reading((), tuple(told), digest(told))
+
+
+def _doubts(plant: Plant) -> list[Problem]:
+    """What is seldom meant in its files, and what its lines cannot carry."""
+    return [*plant.doubts, *forecast.doubts(plant)]

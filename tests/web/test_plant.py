@@ -144,3 +144,14 @@ def test_it_lists_the_machines_that_run_and_where_they_are_connected(staff: Staf
     (folder / "plant.toml").write_text("rubbish", "utf-8")
     page = staff.client.get("/plant").text
     assert 'href="/equipment/m1"' in page, "what runs does so while the files have mistakes"
+
+
+def test_warnings_are_told_and_hold_nothing_up(staff: Staff, folder: Path) -> None:
+    row = '[[alarms]]\nequipment = "m1"\nkey = "fast"\nlabel = "Fast"\nexpression = "frequency > 45"\npriority = 3\n'
+    assert "Warnings" not in staff.client.get("/plant").text
+    (folder / "plant.toml").write_text(f"{DEMO}\n{row}", "utf-8")
+    page = unescape(staff.client.get("/plant").text)
+    assert "Warnings in the plant files" in page and page.count("a text for the operator, who reads a dash") == 3
+    assert digest(page) and "Mistakes in the plant files" not in page
+    staff.client.cookies.set("pogon_lang", "de")
+    assert "ein Text für den Bediener, der einen Strich liest" in unescape(staff.client.get("/plant").text)

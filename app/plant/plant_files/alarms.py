@@ -5,7 +5,7 @@ from dataclasses import replace
 from app.plant.plant_files.languages import PlantLanguages
 from app.plant.plant_files.machines import Machines
 from app.plant.said import said
-from app.plant.tables import Table
+from app.plant.tables import MISSING, Table
 from app.plant.type_files.alarms import read_alarm, sentences_of
 from app.plant.type_files.names import KEY, KEY_EXPECTED
 from app.plant.type_files.sentences import check_expression
@@ -26,6 +26,8 @@ def read_plant_alarm(
     prefix = f"plant.{name}.{key}."
     for field in TEXTS:
         label = languages.label(row, field, required=field == "label", default="–")
+        if field != "label" and not row.has(field):
+            row.doubt(field, MISSING, said("mistake.doubt_alarm"))
         for language in languages.known:
             if language in label:
                 texts.setdefault(language, {})[prefix + field] = label[language]

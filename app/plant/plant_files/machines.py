@@ -17,7 +17,7 @@ from app.plant.said import said
 from app.plant.sequence_definition import SequenceDefinition
 from app.plant.sequence_recipe import with_recipe
 from app.plant.sequences import SequenceFiles
-from app.plant.tables import Table, one_of
+from app.plant.tables import MISSING, Table, one_of
 from app.plant.type_files.data import PointData, TypeData
 
 LARGEST_UNIT = 247
@@ -75,6 +75,8 @@ class Machines:
         count = table.whole("repeat", 0, 1, MOST_REPEATS) if table.has("repeat") else 0
         label = self._languages.label(table, "label", default=key)
         area = table.text("area", (data.type.area if data else "") or kind_name)
+        if data and not table.has("area") and not data.type.area:
+            table.doubt("area", MISSING, said("mistake.doubt_area", type=kind_name))
         if table.has("area") and area not in areas:
             table.note("area", area, said("mistake.area_of_file", known=one_of(sorted(areas), area)))
         was = table.text("was", "", pattern=ID, expected=said("mistake.former_id"))

@@ -91,6 +91,13 @@ class TypesUsed:
                 yield Problem(f"{name}/records.toml", record, found, expected)
 
     @property
+    def doubts(self) -> list[Problem]:
+        """What is seldom meant in those that are used, each once."""
+        read = (*self._read.values(), *self._variants.values())
+        told = [doubt for data in read if data is not None for doubt in data.doubts]
+        return list({(doubt.file, doubt.key): doubt for doubt in reversed(told)}.values())[::-1]
+
+    @property
     def usable(self) -> Mapping[str, EquipmentType]:
         """Those that were asked for and have no problems."""
         return {name: data.type for name, data in self._read.items() if data is not None}

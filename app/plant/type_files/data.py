@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from app.plant.definitions import EquipmentType, Point
+from app.plant.problems import Problem
 from app.plant.type_files.options import OptionCheck
 
 
@@ -39,3 +40,5 @@ class TypeData:
     """Options that have whole numbers only."""
     follows: Mapping[str, str] = field(default_factory=dict)
     """Options whose default is a sentence over options before them."""
+    doubts: Sequence[Problem] = ()
+    """What is no mistake in its files and seldom meant."""

@@ -1,6 +1,6 @@
 """setpoints.toml: the parameters of a type; each is a point too, of its own or one of points.toml."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from app.plant import plc
@@ -82,8 +82,19 @@ def read_setpoints(
             _check_written(row, points.found[key].point, setpoint, low, high)
         if setpoint.code and (other := codes.setdefault(setpoint.code, key)) != key:
             row.note("code", setpoint.code, said("mistake.code_free", other=other))
+        _doubt_limits(row, points.found.get(key), options)
         row.done()
         yield key, setpoint
+
+
+def _doubt_limits(row: Table, data: PointData | None, options: Mapping[int, str]) -> None:
+    """A number without limits takes whatever somebody types; a choice, a bit and a point that has its own are none."""
+    register = data.point.register if data else None
+    if data is None or register is None or options or register.type is Type.BIT or register.mask is not None:
+        return
+    for key in ("low", "high"):
+        if not row.has(key):
+            row.doubt(key, MISSING, said("mistake.doubt_limit", point=data.point.key, key=key))
 
 
 def _is_bit(row: Table, known: PointData | None) -> bool:
