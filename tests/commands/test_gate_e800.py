@@ -1,7 +1,7 @@
 """The gate over the memory link to the virtual E800: real telegrams."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import replace
 
 import pytest
@@ -28,10 +28,10 @@ COMMAND = 0x2000
 class Hall:
     """The demo plant's second machine, alive."""
 
-    def __init__(self) -> None:
+    def __init__(self, simulation: Mapping[str, float] = QUICK) -> None:
         plant = demo_plant()
         item = plant.equipment["m2"]
-        item = replace(item, options={**item.options, "simulation": QUICK})
+        item = replace(item, options={**item.options, "simulation": simulation})
         self.plant = replace(plant, equipment={"m2": item})
         self.clock = loop_clock()
         self.sim = SimPlant(self.plant, self.clock)
@@ -112,8 +112,8 @@ class Hall:
 
 
 @pytest.fixture
-async def hall() -> AsyncIterator[Hall]:
-    hall = Hall()
+async def hall(request: pytest.FixtureRequest) -> AsyncIterator[Hall]:
+    hall = Hall(getattr(request, "param", QUICK))
     tasks = [asyncio.create_task(work()) for work in (hall.sim.run, hall.link.run, hall.gate.run)]
     try:
         hall.gate.control.take(ANA, "m2")
