@@ -124,7 +124,7 @@ async def page(request: Request, key: str) -> HTMLResponse:
         request,
         "pages/fault_buffer.html",
         title=machine.text("fbuf.title"),
-        kind=f"parameters/{machine.id}",
+        kind=f"faceplate/{machine.id}",
         area=machine.area,
         chip=machine.id,
         up=operation.url,

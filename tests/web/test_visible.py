@@ -104,6 +104,39 @@ def test_names_that_nobody_knows_are_told_and_too_many_are_too(staff: Staff) -> 
     assert len(hello(staff, *(f"x{number}" for number in range(200)))["unknown"]) == 200
 
 
+# ---- pages ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("roles", [(), ("viewer",), ("operator",)])
+def test_whoever_may_open_a_page_may_follow_it(staff: Staff, roles: tuple[str, ...]) -> None:
+    """Else it would say for ever that the server is gone. All pages that a person comes to from the overview by what is pressed."""
+    staff.have()
+    if roles:
+        staff.enter(f"who-{roles[0]}", *roles)
+    ahead, seen, silent = ["/"], set(), []
+    while ahead:
+        path = ahead.pop()
+        seen.add(path)
+        answer = staff.client.get(path)
+        if answer.status_code != 200 or "text/html" not in answer.headers["content-type"]:
+            continue
+        kind = re.search(r'<body data-page="([^"]*)"[^>]* data-live=', answer.text)
+        if kind and "hello" not in follow(staff, kind[1]):
+            silent.append((path, kind[1]))
+        found = (one.split("?")[0].split("#")[0] for one in re.findall(r'<a[^>]* href="(/[^"]*)"', answer.text))
+        ahead += {one for one in found if one not in seen and not one.startswith("/static/") and "export" not in one}
+    assert len(seen) > 40
+    assert "/equipment/a1/fault-buffer" in seen
+    assert silent == []
+
+
+def follow(staff: Staff, kind: str) -> dict[str, Any]:
+    """What the server says to a page of this kind that asks for its values."""
+    with staff.client.websocket_connect("ws://127.0.0.1:8000/live", headers={"Origin": HOST}) as socket:
+        socket.send_json({"subscribe": kind, "rev": 0})
+        return socket.receive_json()  # type: ignore[no-any-return]
+
+
 # ---- names of people --------------------------------------------------------------------------------------
 
 
