@@ -2,7 +2,7 @@
 
 from app.blocks.drive_control import DriveAlarm
 from app.blocks.limit_switches import End, LimitAlarm
-from app.sim.crane.plc_axis import HOT
+from app.sim.crane.plc_axis import HOT, Motor
 from app.sim.crane.register_map import DRIVE_EVENTS, CraneEvent
 from app.sim.crane.state import CraneView
 
@@ -67,7 +67,7 @@ class Edges:
                 self._encoders[axis.name] = axis.encoder_ok
                 crane.event(CraneEvent.ENCODER_BACK if axis.encoder_ok else CraneEvent.ENCODER_FAULT, number)
             for motor in axis.motors:
-                self._look_at_motor(motor.number, motor.control.alarms, motor.temperature >= HOT)
+                self._look_at_motor(motor)
             if any(axis.limits.alarms.values()) or self._limits[axis.name]:
                 active = frozenset(axis.limits.active)
                 said = set()
@@ -78,7 +78,8 @@ class Edges:
                         crane.event(*what, axis.position)
                 self._limits[axis.name] = active
 
-    def _look_at_motor(self, number: int, alarms: set[DriveAlarm], hot: bool) -> None:
+    def _look_at_motor(self, motor: Motor) -> None:
+        number, alarms, hot = motor.number, motor.control.alarms, motor.temperature >= HOT
         if alarms != self._alarms[number]:
             for alarm in DriveAlarm:
                 if alarm in alarms and alarm not in self._alarms[number]:
@@ -86,7 +87,7 @@ class Edges:
             self._alarms[number] = frozenset(alarms)
         if hot != self._hot[number]:
             self._hot[number] = hot
-            self._crane.event(CraneEvent.HOT if hot else CraneEvent.COOL, number)
+            self._crane.event(CraneEvent.HOT if hot else CraneEvent.COOL, number, motor.temperature)
 
     def _look_at_load(self) -> None:
         load = self._crane.load

@@ -217,6 +217,14 @@ def test_what_fails_stops_its_axis_at_once_and_a_reset_brings_it_back(fault: int
     assert not crane.held
 
 
+def test_what_a_motor_has_is_told_with_its_alarm() -> None:
+    stand = Stand()
+    stand.talker.fault(own.HOT + 3)
+    stand.run(40)
+    told = [event for event in stand.talker.events() if event.code == CraneEvent.HOT]
+    assert [event.value for event in told] == [pytest.approx(HOT, abs=5)]
+
+
 def test_the_other_drive_of_the_drum_makes_no_alarm_of_its_own() -> None:
     stand = manual()
     stand.jog("hoist", 1)
