@@ -172,7 +172,7 @@ class DriveControl:
     """Alarms that somebody has seen and whose cause is still there."""
     _no_motion: float = 0.0
     _waited: float = 0.0
-    """`run` was asked so long of a drive that is silent or stands faulted [s]."""
+    """The drive has been silent or faulted for so long while it was off [s]."""
     _emergency: bool = False
     """A quick stop has taken the sequence; the drive switches off after it, and that is no trip."""
     _seen: bool = True
@@ -263,12 +263,16 @@ class DriveControl:
             self._fail(DriveAlarm.BRAKE_FEEDBACK_LOST, State.CLOSING)
 
     def _wait(self, inputs: DriveInputs, dt: float) -> None:
-        """Who waits for a drive that does not come by itself gets to know it."""
+        """A drive that could not come is told, also while nobody asks for it; one that is not to run is left alone, and an acknowledgement
+        gives it the time anew."""
         silent = inputs.status is None
         unable = silent or bool((inputs.status or 0) & Status.FAULT)
-        self._waited = self._waited + dt if unable and inputs.run and self.state not in ENERGISED else 0.0
-        if self._waited >= self.times.start:
-            self._fail(DriveAlarm.COMMUNICATION if silent else DriveAlarm.DRIVE_TRIPPED)
+        wanted = (inputs.run or inputs.run_permissive) and not inputs.acknowledge
+        counts = unable and wanted and self.state not in ENERGISED
+        self._waited = self._waited + dt if counts else 0.0
+        alarm = DriveAlarm.COMMUNICATION if silent else DriveAlarm.DRIVE_TRIPPED
+        if self._waited >= self.times.start and alarm not in self.alarms:
+            self._fail(alarm)
 
     def _sequence(self, inputs: DriveInputs, dt: float) -> None:
         times, wanted = self.times, inputs.run and self.armed

@@ -297,25 +297,26 @@ def test_original_tells_inhibited_from_the_wrong_bit() -> None:
         ({"status": GOOD | Status.FAULT}, DriveAlarm.DRIVE_TRIPPED),
     ],
 )
-def test_who_waits_for_a_drive_that_does_not_come_gets_an_alarm(change: dict, alarm: DriveAlarm) -> None:  # type: ignore[type-arg]
-    """It may have tripped while it rested, when nobody watched it: a cycle would wait for it for ever."""
-    control = DriveControl(Scaling(132.08))
-    good = DriveInputs(GOOD, 0.0, (False, False), False, 50.0)
-    bad = good._replace(**change)
+def test_a_drive_that_cannot_come_is_told_whether_it_is_asked_for_or_not(change: dict, alarm: DriveAlarm) -> None:  # type: ignore[type-arg]
+    """It may have tripped while it rested, when nobody watched it: a cycle would begin, and hang its load up until its turn comes."""
+    for run in (True, False):
+        control = DriveControl(Scaling(132.08))
+        good = DriveInputs(GOOD, 0.0, (False, False), False, 50.0)
+        bad = good._replace(**change)
 
-    def go(inputs: DriveInputs, seconds: float) -> None:
-        for _ in range(round(seconds / DT)):
-            control.step(inputs, DT)
+        def go(inputs: DriveInputs, seconds: float, control: DriveControl = control) -> None:
+            for _ in range(round(seconds / DT)):
+                control.step(inputs, DT)
 
-    go(bad, 60)
-    assert not control.alarms, "nobody asked for it"
-    go(bad._replace(run=True), control.times.start - 0.1)
-    assert not control.alarms
-    go(bad._replace(run=True), 0.2)
-    assert control.alarms == {alarm}
-    go(bad._replace(acknowledge=True), 0.1)
-    assert control.alarms == {alarm}, "its cause is there"
-    go(good, 0.1)
-    assert not control.alarms
-    go(good._replace(run=True), 0.1)
-    assert control.state is State.MAGNETISING
+        go(bad._replace(run_permissive=False), 60)
+        assert not control.alarms, "it is not to run: somebody may be at work on it"
+        go(bad._replace(run=run), control.times.start - 0.1)
+        assert not control.alarms
+        go(bad._replace(run=run), 0.2)
+        assert control.alarms == {alarm}
+        go(bad._replace(acknowledge=True), 0.1)
+        assert control.alarms == {alarm}, "its cause is there"
+        go(good, 0.1)
+        assert not control.alarms
+        go(good._replace(run=True), 0.1)
+        assert control.state is State.MAGNETISING

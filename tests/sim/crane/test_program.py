@@ -217,6 +217,35 @@ def test_what_fails_stops_its_axis_at_once_and_a_reset_brings_it_back(fault: int
     assert not crane.held
 
 
+@pytest.mark.parametrize(
+    ("first", "event"), [(own.TRIP, CraneEvent.DRIVE_TRIPPED), (own.SILENT, CraneEvent.DRIVE_COMMUNICATION)]
+)
+@pytest.mark.parametrize("motor", [1, 2, 3, 4])
+def test_a_drive_that_fails_at_rest_is_told_and_lets_no_cycle_begin(first: int, event: CraneEvent, motor: int) -> None:
+    """Else the cycle took a full ladle up, and found out when the turn of that drive came."""
+    stand = Stand(start="automatic")
+    stand.talker.fault(first + motor - 1)
+    stand.run(6)
+    assert [(code, source) for code, source in stand.talker.codes() if 21 <= code <= 28] == [(event, motor)]
+    assert not stand.crane.start_permissives["drives_ok"]
+    assert stand.reason(CraneCommand.START_CYCLE, 1, 2, real(210.0)) == CraneReason.NOT_ALLOWED
+    stand.talker.fault(0)
+    stand.run(1)
+    assert stand.ask(CraneCommand.RESET) is DONE
+    stand.run(1)
+    stand.cycle()
+    assert stand.crane.cycle.runs
+
+
+def test_a_drive_that_is_not_selected_is_nobodys_business() -> None:
+    stand = Stand()
+    stand.ask(CraneCommand.SELECT_DRIVES, DriveChoice.FIRST)
+    stand.talker.fault(own.SILENT + 1)
+    stand.run(10)
+    assert not [code for code, _ in stand.talker.codes() if 21 <= code <= 28]
+    stand.cycle()
+
+
 def test_what_a_motor_has_is_told_with_its_alarm() -> None:
     stand = Stand()
     stand.talker.fault(own.HOT + 3)
