@@ -3,10 +3,27 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
+from app.errors import DeviceException
 from app.sim.training import LineFault
 
 DT = 0.01
 """Step of every virtual device [s]."""
+MOST_WAITING = 4096
+"""Writes that wait for the next step at most: one that is not stepped for hours, in a plant that is paused, refuses more."""
+BUSY = 6
+"""Exception of a server that cannot take a request now."""
+
+
+def check_room(device: str, waiting: int) -> None:
+    """Whether a write finds room beside those that wait.
+
+    Raises:
+        DeviceException: 06, there are as many as a device keeps.
+    """
+    if waiting >= MOST_WAITING:
+        raise DeviceException(
+            BUSY, f"{device}: {waiting} writes wait for its next step, expected fewer than {MOST_WAITING}"
+        )
 
 
 class VirtualDevice(Protocol):
@@ -38,7 +55,7 @@ class VirtualDevice(Protocol):
         """Check `words` now; they act at the next step border.
 
         Raises:
-            DeviceException: 01 function, 02 address, 03 value, 04 cannot be done now; nothing of the request acts.
+            DeviceException: 01 function, 02 address, 03 value, 04 cannot be done now, 06 too many wait; nothing of the request acts.
         """
         ...
 

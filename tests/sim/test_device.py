@@ -6,7 +6,7 @@ import pytest
 
 from app.errors import DeviceException
 from app.plant.loader import read_plant
-from app.sim.device import DT, VirtualDevice
+from app.sim.device import BUSY, DT, MOST_WAITING, VirtualDevice
 from app.sim.machines import VIRTUAL_DEVICES
 from app.sim.training import BASE, MAGIC, REG_LINE_DELAY
 
@@ -50,3 +50,16 @@ def test_a_refused_write_leaves_nothing_behind(device: VirtualDevice) -> None:
         device.write(16, REG_LINE_DELAY, [500, 999, 0])
     device.step()
     assert device.line_fault.delay_ms == 0
+
+
+def test_one_that_stands_still_keeps_so_many_writes_and_no_more(device: VirtualDevice) -> None:
+    """A plant may be paused for a night, with a client that goes on writing; what was taken acts, and then there is room again."""
+    with pytest.raises(DeviceException) as refused:
+        for number in range(2 * MOST_WAITING):
+            device.write(6, REG_LINE_DELAY, [number % 1000])
+    assert (refused.value.code, number) == (BUSY, MOST_WAITING)
+    device.step()
+    assert device.line_fault.delay_ms == (MOST_WAITING - 1) % 1000
+    device.write(6, REG_LINE_DELAY, [700])
+    device.step()
+    assert device.line_fault.delay_ms == 700

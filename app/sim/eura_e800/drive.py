@@ -25,7 +25,7 @@ from collections.abc import Mapping, Sequence
 from app.errors import ConfigurationError, DeviceException
 from app.plant.said import any_of, not_as, said
 from app.sim import training
-from app.sim.device import DT
+from app.sim.device import DT, check_room
 from app.sim.eura_e800 import training as own
 from app.sim.eura_e800.commands import RemoteCommands
 from app.sim.eura_e800.dc_bus import DRIVE_RATED_CURRENT
@@ -153,8 +153,9 @@ class VirtualE800:
 
         Raises:
             DeviceException: 01 other function, 02 unknown or read-only address, 03 value, 04 reset or unlock refused because
-                the cause of the fault persists. Nothing of a refused request acts.
+                the cause of the fault persists, 06 too many writes wait. Nothing of a refused request acts.
         """
+        check_room("E800", len(self._pending))
         if is_training(address):
             self._training.check(function, address, words)
             self._pending += enumerate(words, address)
@@ -169,8 +170,7 @@ class VirtualE800:
     def _check(self, address: int, word: int, staged: dict[str, float]) -> None:
         if not 0 <= word <= 0xFFFF:
             raise DeviceException(3, f"E800: {word} is not a word")
-        parameter = BY_ADDRESS.get(address)
-        if parameter is not None:
+        if (parameter := BY_ADDRESS.get(address)) is not None:
             self.memory.check(parameter, word, staged)
         elif address == COMMAND:
             self._commands.check(word)

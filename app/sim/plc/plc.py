@@ -24,6 +24,7 @@ from app.errors import DeviceException
 from app.registers import plc_map
 from app.registers.plc_map import AnswerState, Request
 from app.sim import training
+from app.sim.device import check_room
 from app.sim.plc.areas import Image, Table
 from app.sim.plc.command_area import CommandArea
 from app.sim.plc.header import Header
@@ -171,8 +172,9 @@ class VirtualPlc(RealTime, ABC):
 
         Raises:
             DeviceException: 01 not function 06, 16 or 23, 02 an address that is not written, 03 a value or a number of words that
-                its place does not take.
+                its place does not take, 06 too many writes wait.
         """
+        check_room(self.type, len(self._pending))
         if is_training(address):
             self.training.check(function, address, words)
             self._pending.append((address, tuple(words)))

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from app.sim.device import check_room
 from app.sim.sinamics.fault_buffer import FaultBuffer
 from app.sim.sinamics.gateway import GatewayMailbox
 from app.sim.sinamics.mailbox import Mailbox
@@ -46,9 +47,10 @@ class BusSide:
         """Functions 06 and 16 to what the map lists as writable, and to training registers.
 
         Raises:
-            DeviceException: 01 other function, 02 a register that is not there, 03 value, 04 read-only (40499 then tells why).
-                Nothing of a refused request acts.
+            DeviceException: 01 other function, 02 a register that is not there, 03 value, 04 read-only (40499 then tells why), 06 too many
+                writes wait. Nothing of a refused request acts.
         """
+        check_room("drive", len(self._pending))
         if is_training(address):
             self._training.check(function, address, words)
             self._pending += enumerate(words, address)
