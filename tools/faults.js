@@ -8,7 +8,7 @@
   const short = (e) => e.tagName.toLowerCase() + (e.id ? '#' + e.id : '') + [...e.classList].map((c) => '.' + c).join('');
   const name = (e) => short(e) + ' "' + e.textContent.trim().replace(/\s+/g, ' ').slice(0, 40) + '"';
   const shown = (e) => e.getClientRects().length && getComputedStyle(e).visibility !== 'hidden'
-    && !e.closest('svg, .vh, [hidden], details:not([open]) > :not(summary), .skip');
+    && getComputedStyle(e).clipPath !== 'inset(50%)' && !e.closest('svg, .vh, [hidden], details:not([open]) > :not(summary), .skip');
   const box = once((e) => e.getBoundingClientRect());
   const style = once((e) => {
     const { overflowX, overflowY, position, display, textOverflow } = getComputedStyle(e);
@@ -108,8 +108,14 @@
     if (s.textOverflow === 'ellipsis' && s.overflowX !== 'visible' && e.scrollWidth > e.clientWidth + 1) faults.add('shortened: ' + name(e));
     if (s.webkitLineClamp !== 'none' && e.scrollHeight > e.clientHeight + 2) faults.add('lines left out: ' + name(e));
   }
-  const pressed = [...document.querySelectorAll('button, a.btn, a.ib, summary, select, input:not([type=hidden])')]
-    .filter((e) => shown(e) && !floats(e));
+  for (const e of visible.filter((one) => one.matches('.op-list, .f-cmd')))
+    if (e.scrollWidth > e.clientWidth + 1) faults.add('commands beside their column: ' + name(e));
+  const buttons = [...document.querySelectorAll('button, a.btn, a.ib, summary, select, input:not([type=hidden])')].filter(shown);
+  for (const e of buttons) { // what scrolls beneath a button is not seen through it
+    const { position, backgroundColor } = getComputedStyle(e);
+    if (position === 'fixed' && /^transparent$|, 0\)$/.test(backgroundColor)) faults.add('seen through: ' + name(e));
+  }
+  const pressed = buttons.filter((e) => !floats(e));
   for (const e of pressed) { // at its edges nothing else lies over it
     const o = box(e), r = clipped(e), y = (Math.max(r.top, 0) + Math.min(r.bottom, innerHeight)) / 2;
     if (r.bottom - r.top < o.height / 2 || y < 2 || y > innerHeight - 2 || moves(e)) continue;
