@@ -91,7 +91,13 @@ def test_nothing_is_cut_in_a_plant_with_more_of_everything(other: Page, lang: st
     page, url = other, origin(other)
     speak(page, lang, url)
     found: list[str] = []
-    for path in ("/equipment/steps1", "/equipment/steps1/definition", "/equipment/m1", "/equipment/c5"):
+    for path in (
+        "/equipment/steps1",
+        "/equipment/steps1/definition",
+        "/equipment/m1",
+        "/equipment/c5",
+        "/equipment/c5/page/ramp",
+    ):
         page.goto(url + path, wait_until="load")
         expect(page.locator("body")).to_have_attribute("data-live", "live")
         lay_out(page, *SIZES["panel"])
@@ -101,6 +107,8 @@ def test_nothing_is_cut_in_a_plant_with_more_of_everything(other: Page, lang: st
         for size, (width, height, profile) in SIZES.items():
             lay_out(page, width, height, profile)
             found += [f"{lang} {path} {size}: {one}" for one in wrong(page, size)]
+        lay_out(page, 1024, 768, "desk")
+        found += [f"{lang} {path} ten inches: {one}" for one in page.evaluate(FAULTS)]
         lay_out(page, *SIZES["panel"])
         if held:
             let_go(page)
