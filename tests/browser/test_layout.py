@@ -98,6 +98,24 @@ def test_a_panel_of_ten_inches_shows_all_of_a_page_without_pushing_it_aside(abno
     assert found == [], "\n".join(["", *found])
 
 
+FLOOD = """() => { // alarms with long names, and as many as in a flood
+  for (const one of document.querySelectorAll(".alist .a-open > span:last-child")) one.textContent = "Umrichter: Ausgangsphasenausfall";
+  for (const one of document.querySelectorAll(".td tbody .td-l")) one.innerHTML = '<a href="/">08:23 Umrichter: Hardware-Überstrom</a>';
+  for (const one of document.querySelectorAll(".as-measures td b")) one.textContent = "482/10 min";
+  for (const one of document.querySelectorAll(".as-measures .as-v")) one.lastChild.data = "Maßnahme nötig";
+}"""
+
+
+@pytest.mark.parametrize("path", ["/", "/alarms", "/alarms/statistics"])
+def test_a_flood_of_alarms_with_long_names_stays_in_sight_on_a_panel_of_ten_inches(abnormal: Page, path: str) -> None:
+    """Else the button that acknowledges a row is out of sight, and no row counts as shown."""
+    speak(abnormal, "de", origin(abnormal))
+    lay_out(abnormal, *BETWEEN["a panel of ten inches"], "desk")
+    open_page(abnormal, origin(abnormal) + path)
+    abnormal.evaluate(FLOOD)
+    assert [*abnormal.evaluate(FAULTS), *abnormal.evaluate(SIDEWAYS)] == []
+
+
 @pytest.mark.parametrize("path", ["/users", "/tokens"])
 def test_what_makes_an_account_or_a_token_is_in_sight_on_a_panel(abnormal: Page, path: str) -> None:
     lay_out(abnormal, 1280, 800, "desk")
