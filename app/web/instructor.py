@@ -158,6 +158,8 @@ async def set_line(request: Request, key: str) -> Response:
 async def set_world(request: Request, key: str) -> Response:
     """What its type calls its world: loads, temperatures, what arrives and how long it is."""
     world = _item(request, key).type.training.world
+    if not world:
+        raise HTTPException(404)
     given = await fields(request, world)
 
     def words(item: Equipment) -> dict[int, int]:

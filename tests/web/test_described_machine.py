@@ -117,3 +117,15 @@ def test_an_instructor_breaks_its_line_and_causes_its_fault(client: VirtualClien
     assert not is_bad(runtime_of(client).tags.sample("e1.power").quality)
     assert ana.post("/instructor/w1/reset", fragment=False).status_code == 303
     assert until(lambda: value(client, "w1.weight") == 12.5, 30)
+
+
+def test_what_a_type_has_not_is_not_offered_to_the_instructor(tmp_path: Path) -> None:
+    folder = write_own(tmp_path / "plant")
+    with house(Settings(plant=folder, data=tmp_path / "data")) as browser:
+        ana = Operator(Staff(browser), "ana", ("engineer", "operator"))
+        assert until(lambda: value(browser, "l1.flow") is not None)
+        page = ana.get("/instructor/l1", fragment=False).text
+        assert "/instructor/l1/line" in page and "/instructor/l1/reset" in page
+        assert "/instructor/l1/fault" not in page and "/instructor/l1/world" not in page
+        assert ana.post("/instructor/l1/world", fragment=False).status_code == 404
+        assert "/instructor/e1/fault" in ana.get("/instructor/e1", fragment=False).text
