@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import exp
+from math import exp, inf
 from random import Random
 
 from app.errors import ConfigurationError
@@ -56,6 +56,7 @@ class Machine:
     def __init__(self, item: Equipment, simulation: Simulation, seed: int, word: Callable[[str], float | None]) -> None:
         self._simulation, self._seed, self._word = simulation, seed, word
         self._setpoints: Mapping[str, Setpoint] = item.type.setpoints
+        self._points = item.points
         self._texts = {key for key, point in item.points.items() if point.kind is Kind.TEXT}
         self.registers: Mapping[str, Register] = {
             key: point.register for key, point in item.points.items() if point.register is not None
@@ -112,10 +113,17 @@ class Machine:
         """What its registers say now."""
         for key in self._untold:
             value, noise = self._values[key], self._noise.get(key)
-            told = value + noise.noise if noise and isinstance(value, int | float) else value
+            told = self._with_noise(key, value, noise.noise) if noise and isinstance(value, int | float) else value
             self._image.put(self.registers[key], told)
         self._untold.clear()
         return self._image.words
+
+    def _with_noise(self, key: str, value: float, noise: float) -> float:
+        """What is read of a value that is what its type says it can be: noise does not make it doubtful."""
+        point, told = self._points[key], value + noise
+        low = -inf if point.low is None else min(point.low, value)
+        high = inf if point.high is None else max(point.high, value)
+        return min(max(told, low), high)
 
     def refusal(self, wanted: Mapping[Place, int]) -> int:
         """Modbus exception with which a telegram that writes these words is answered; 0 = it is taken."""

@@ -154,6 +154,17 @@ def test_the_same_seed_and_the_same_telegrams_are_the_same_run_however_often_it_
     assert go(machine, 5).read(3, 10, 12) == go(begun, 5).read(3, 10, 12)
 
 
+def test_noise_makes_no_value_doubtful(tmp_path: Path) -> None:
+    folder = write_own(tmp_path)
+    points = folder / "equipment" / "meter" / "points.toml"
+    points.write_text(METER["points"].replace("low = -1", "low = 0"), "utf-8")
+    plant, problems = read_plant(folder)
+    assert plant, problems
+    machine = device(plant, "e1")
+    seen = [float(str(told(plant, go(machine, 0.01), "e1", "power"))) for _ in range(300)]
+    assert min(seen) == 0 and 0.005 < max(seen) < 0.05
+
+
 def test_values_stop_at_the_end_of_their_registers(tmp_path: Path) -> None:
     folder = write_own(tmp_path)
     own = folder / "equipment" / "logger" / "simulation.toml"
