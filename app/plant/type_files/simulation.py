@@ -40,7 +40,7 @@ from app.plant.tables import MISSING, Table, is_number, one_of, span
 from app.plant.type_files.data import PointData
 from app.plant.type_files.options import Options
 from app.registers.codec import encode, raw_limits
-from app.registers.register import REALS, Register, Type
+from app.registers.register import BIT_TABLES, REALS, Register, Type
 
 FILE = "simulation.toml"
 LONGEST = 86_400.0
@@ -72,7 +72,9 @@ class SimulationReader:
         for key, point in self._points.items():
             register = point.register
             assert register
-            if any(register.address <= last and first < register.address + register.words for first, last in TRAINING):
+            if register.table not in BIT_TABLES and any(
+                register.address <= last and first < register.address + register.words for first, last in TRAINING
+            ):
                 file.note("", key, said("mistake.simulation_training", point=key, address=f"0x{register.address:04X}"))
         values = dict(self._values(file))
         writes = tuple(self._write(row, values) for row in file.rows("writes"))

@@ -28,7 +28,8 @@ class DescribedDevice:
     def __init__(self, item: Equipment, simulation: Simulation, seed: int) -> None:
         """
         Raises:
-            ConfigurationError: with the options of this machine it would start with what its registers cannot say.
+            ConfigurationError: with the options of this machine it would start with what its registers cannot say, or its base
+                moves them to where an instructor writes.
         """
         self.type = item.type.name
         self._device, self._base = item.type.device, item.base
@@ -51,6 +52,11 @@ class DescribedDevice:
         registers = self._machine.registers.values()
         self.places = joined(registers)
         """What it has."""
+        taken = next(
+            (place for place in sorted(self.places) if place[0] not in BIT_TABLES and is_training(place[1])), None
+        )
+        if taken:
+            raise ConfigurationError(said("mistake.simulation_base", base=item.base, address=f"0x{taken[1]:04X}"))
         self._writable = joined(register for register in registers if register.writable)
         self._spans = {
             table: (min(addresses), max(addresses))
@@ -102,7 +108,7 @@ class DescribedDevice:
             DeviceException: 01 function, 02 nothing is written there, 03 value or number of words, or what a row refuses with.
         """
         if is_training(address) and function not in BITS:
-            self._training.check(function, address, words)
+            self.check_training(function, address, words)
             self._pending.append(("", {("", at): word for at, word in enumerate(words, address)}))
             return
         table = self.check_write(function, len(words))
@@ -113,6 +119,14 @@ class DescribedDevice:
         if code := self._machine.refusal(wanted):
             raise DeviceException(code, f"{self.type}: {table} {address} does not take {list(words)}")
         self._pending.append((table, wanted))
+
+    def check_training(self, function: int, address: int, words: Sequence[int]) -> None:
+        """Whether an instructor may write it.
+
+        Raises:
+            DeviceException: 01 function, 02 no such register, 03 value.
+        """
+        self._training.check(function, address, words)
 
     def check_write(self, function: int, count: int) -> str:
         """The table that a write of so many is to.

@@ -6,11 +6,21 @@ from app.errors import DeviceException
 from app.registers.pdu import BITS
 from app.sim.described.device import DescribedDevice
 from app.sim.device import DT
-from app.sim.training import LineFault, is_training
+from app.sim.training import (
+    REG_LINE_ARGUMENT,
+    REG_LINE_COUNT,
+    REG_LINE_DELAY,
+    REG_LINE_FAULT,
+    LineFault,
+    is_training,
+)
+
+LINE = frozenset({REG_LINE_FAULT, REG_LINE_DELAY, REG_LINE_ARGUMENT, REG_LINE_COUNT})
+"""What an instructor writes of the line itself."""
 
 
 class SharedUnit:
-    """What the line sees of them; each is stepped by itself. What an instructor writes is for all of them: it is one device."""
+    """What the line sees of them; each is stepped by itself. What an instructor writes is for all that know it: it is one device."""
 
     type: str = "shared"
     dt: float = DT
@@ -36,7 +46,11 @@ class SharedUnit:
             DeviceException: as of that machine; 02: nobody has it.
         """
         if is_training(address) and function not in BITS:
-            return self._machines[0].read(function, address, count)
+            first, *others = (machine.read(function, address, count) for machine in self._machines)
+            return [
+                word if at in LINE else max(word, *(other[at - address] for other in others))
+                for at, word in enumerate(first, address)
+            ]
         table = self._machines[0].check_read(function, count)
         return self._of(table, address).read(function, address, count)
 
@@ -47,11 +61,30 @@ class SharedUnit:
             DeviceException: as of that machine; 02: nobody has it.
         """
         if is_training(address) and function not in BITS:
-            for machine in self._machines:
-                machine.write(function, address, words)
+            takers = {at: self._takers(function, at, word) for at, word in enumerate(words, address)}
+            for at, word in enumerate(words, address):
+                for machine in takers[at]:
+                    machine.write(function, at, (word,))
             return
         table = self._machines[0].check_write(function, len(words))
         self._of(table, address).write(function, address, words)
+
+    def _takers(self, function: int, at: int, word: int) -> list[DescribedDevice]:
+        """Who knows this word of an instructor; what breaks the line is of the first one alone, where the bus counts it down.
+
+        Raises:
+            DeviceException: nobody does.
+        """
+        found, refused = list[DescribedDevice](), None
+        for machine in self._machines[:1] if at in LINE else self._machines:
+            try:
+                machine.check_training(function, at, (word,))
+                found.append(machine)
+            except DeviceException as error:
+                refused = error
+        if not found and refused:
+            raise refused
+        return found
 
     def _of(self, table: str, address: int) -> DescribedDevice:
         for machine in self._machines:

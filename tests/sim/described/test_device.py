@@ -14,7 +14,7 @@ from app.sim.bus import Bus
 from app.sim.described.device import DescribedDevice, describe
 from app.sim.machines import factory_of
 from app.sim.plant import SimPlant, read_simulated
-from tests.own_types import MACHINES, METER, TYPES, write_own
+from tests.own_types import MACHINES, METER, SCALE, TYPES, write_own
 from tests.virtual import ManualClock
 
 
@@ -192,6 +192,47 @@ def test_machines_behind_one_unit_are_one_device_on_the_line(plant: Plant) -> No
             call()
         assert refused.value.code == 2
     assert set(machines.merged().devices) == {1, 2, 3, 4, 5}
+
+
+def test_an_instructor_reaches_each_of_them_by_what_it_knows(tmp_path: Path) -> None:
+    other = {
+        **SCALE,
+        "training": "[faults]\njam = 3\n",
+        "texts.en": SCALE["texts.en"] + '[training.fault]\n3 = "Jam"\n',
+    }
+    other["simulation"] += '[[rules]]\nwhen = "fault == 3"\nset = { zeroed = 1 }\n'
+    folder = write_own(
+        tmp_path,
+        machines=MACHINES.replace(
+            'type = "scale"\nlink = "line"\nunit = 3\nbase = 100',
+            'type = "scale_2"\nlink = "line"\nunit = 3\nbase = 100',
+        ),
+    )
+    (folder / "equipment" / "scale_2").mkdir()
+    for file, text in other.items():
+        (folder / "equipment" / "scale_2" / f"{file}.toml").write_text(text, "utf-8")
+    plant, problems = read_plant(folder)
+    assert plant, problems
+    machines = SimPlant(plant, ManualClock())
+    unit = machines.buses["line"].devices[3]
+    unit.write(16, 0xE010, [3])
+    machines.step()
+    assert unit.read(3, 0xE010, 1) == [3]
+    assert [unit.read(3, at, 1)[0] >> 15 for at in (2, 102, 202)] == [0, 1, 0]
+    with pytest.raises(DeviceException) as refused:
+        unit.write(16, 0xE010, [4])
+    assert refused.value.code == 3
+    unit.write(16, 0xE011, [7, 0, 2, 1])
+    machines.step()
+    bus = machines.buses["line"]
+    assert bus.answer(3, bytes((3, 0, 0, 0, 1))).pdu == bytes((0x83, 2))
+    assert unit.read(3, 0xE011, 4) == [0, 0, 2, 0], "it hit one telegram and is over"
+
+
+def test_a_base_does_not_move_registers_to_where_an_instructor_writes(tmp_path: Path) -> None:
+    folder = write_own(tmp_path, machines=MACHINES.replace("base = 200", "base = 57340"))
+    (problem,) = read_simulated(folder)[1]
+    assert problem.key == "equipment.w3.simulation" and "base = 57340: its register 0xE000 lies among" in problem.value
 
 
 def test_a_start_that_the_options_of_a_machine_make_too_large_is_told_with_the_machine(tmp_path: Path) -> None:
