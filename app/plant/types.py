@@ -69,7 +69,7 @@ from app.plant.type_files.setpoints import read_setpoints
 from app.plant.type_files.simulation import FILE as SIMULATION
 from app.plant.type_files.simulation import SimulationReader
 from app.plant.type_files.tables import read_tables
-from app.plant.type_files.texts import flatten
+from app.plant.type_files.texts import check_texts, flatten
 from app.plant.type_files.today import read_today
 from app.plant.type_files.today import text_keys as today_keys
 from app.profidrive.parameter_access.parameter import DriveParameter
@@ -217,6 +217,11 @@ def _kin(head: Table, files: _Files, languages: Sequence[str]) -> _Kin:
     return _Kin(name, drive_parameters.read_parameters(other.open("parameters.toml")), texts)
 
 
+def _texts(file: Table) -> dict[str, str]:
+    check_texts(file)
+    return dict(flatten(file.data))
+
+
 def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> TypeData:
     name = files.name
     head = files.open("device.toml", optional=False)
@@ -278,7 +283,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     texts = {
         language: {
             **kin.texts[language],
-            **dict(flatten(files.open(f"texts.{language}.toml", optional=language not in spoken).data)),
+            **_texts(files.open(f"texts.{language}.toml", optional=language not in spoken)),
         }
         for language in languages
     }

@@ -60,6 +60,22 @@ def test_a_text_that_no_language_has_is_a_mistake(tmp_path: Path) -> None:
     assert (found.file, found.key, found.value) == ("equipment/scale/texts.hr.toml", "point.tare", "missing")
 
 
+@pytest.mark.parametrize("text", ["true", '["Weight"]', "2026-11-27", "[{ a = 1 }]"])
+def test_what_is_no_text_is_not_drawn_as_one(tmp_path: Path, text: str) -> None:
+    words = FILES["texts.en"].replace('"Weight"', text)
+    (found,) = problems(written(tmp_path, **{"texts.en": words}))
+    assert (found.file, found.line, found.key) == ("equipment/scale/texts.en.toml", 3, "point.weight")
+    assert found.expected == "a text"
+
+
+def test_a_number_is_a_text_and_a_blank_one_is_a_warning(tmp_path: Path) -> None:
+    words = FILES["texts.en"].replace('"Weight"', "10").replace('"Scales"', '" "')
+    plant, found = read_plant(written(tmp_path, **{"texts.en": words}))
+    assert plant, found
+    assert plant.types["scale"].texts["en"]["point.weight"] == "10"
+    assert [(one.key, one.file) for one in plant.doubts] == [("area", "equipment/scale/texts.en.toml")]
+
+
 def test_a_type_of_ours_is_not_replaced(tmp_path: Path) -> None:
     found = problems(written(tmp_path, PLANT.replace('"scale"', '"conveyor"'), name="conveyor"))
     assert [(one.file, one.value, one.expected) for one in found] == [
