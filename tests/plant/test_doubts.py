@@ -94,8 +94,20 @@ def test_a_command_that_its_simulated_machine_never_confirms_is_one(folder: Path
     ]
 
 
-@pytest.mark.parametrize(("drives", "told"), [(1, 0), (2, 1)])
-def test_one_drive_on_a_line_as_its_maker_delivers_it_is_none(tmp_path: Path, drives: int, told: int) -> None:
+def test_what_no_page_offers_an_instructor_is_one(folder: Path) -> None:
+    act = "[faults]\nfuse = 7\n[acts.knock]\nregister = 0xE020\nlimits = [1, 1]\n"
+    (found,) = told(
+        folder,
+        **{
+            "training": ("meter", "[faults]\nfuse = 7\n", act),
+            "texts.en": ("meter", "[training.fault]", '[training]\nknock = "Knock"\n[training.fault]'),
+        },
+    )
+    assert found.startswith('equipment/meter/training.toml:5: acts.knock = "knock": expected a row of [world]')
+
+
+@pytest.mark.parametrize(("drives", "doubtful"), [(1, 0), (2, 1)])
+def test_one_drive_on_a_line_as_its_maker_delivers_it_is_none(tmp_path: Path, drives: int, doubtful: int) -> None:
     text = '[plant]\nname = "Hall"\ntimezone = "UTC"\n[links.line]\ntransport = "rtu"\nport = "/dev/ttyUSB0"\n'
     text += "".join(
         f'[equipment.m{unit}]\ntype = "eura_e800"\nlink = "line"\nunit = {unit}\n' for unit in range(1, drives + 1)
@@ -103,7 +115,7 @@ def test_one_drive_on_a_line_as_its_maker_delivers_it_is_none(tmp_path: Path, dr
     (tmp_path / "plant.toml").write_text(text, "utf-8")
     plant, problems = read_plant(tmp_path)
     assert plant, problems
-    assert len(list(doubts(plant))) == told
+    assert len(list(doubts(plant))) == doubtful
 
 
 def test_a_line_that_cannot_carry_its_reads_is_one(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Mapping
 
+from app import bundled
 from app.errors import ConfigurationError
 from app.plant import expression
 from app.plant.definitions import Command, EquipmentType
@@ -27,6 +28,7 @@ def doubt_type(data: TypeData, files: Mapping[str, Table], *, own: bool) -> None
         _never_confirmed(kind, files)
     if own:
         _unused_options(data, files)
+        _unseen_acts(kind, files)
 
 
 def _stop(kind: EquipmentType, files: Mapping[str, Table]) -> None:
@@ -82,6 +84,15 @@ def _unused_options(data: TypeData, files: Mapping[str, Table]) -> None:
     for option in data.type.ranges:
         if not any(re.search(rf"\b{re.escape(option)}\b", text) for text in texts):
             files["device.toml"].doubt(f"options.{option}", option, said("mistake.doubt_option", option=option))
+
+
+def _unseen_acts(kind: EquipmentType, files: Mapping[str, Table]) -> None:
+    """What an instructor could do with the hand, and no template offers."""
+    if (bundled("templates") / "screens" / kind.name / "hands.html").is_file():
+        return
+    for group, keys in (("acts", kind.training.acts), ("switches", kind.training.switches)):
+        for key in keys:
+            files["training.toml"].doubt(f"{group}.{key}", key, said("mistake.doubt_hands", group=group))
 
 
 def _texts(value: object) -> Iterator[str]:
