@@ -1,7 +1,8 @@
 """Pages of sequences and of their machine over HTTP: whole in every language, permissives and dialogs by name."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from app.running.page_tags import page_tags
 from app.web.points import EquipmentView
 from app.web.screens.sequence import SequenceView, sequence_of, sequences_for
 from tests import coil_plant
+from tests.web import sequence_plant
 from tests.web.conftest import _running
 from tests.web.operating import Operator, line_of, runtime_of, until, words
 from tests.web.people import PASSWORD, Staff
@@ -236,3 +238,58 @@ def test_nothing_is_said_to_be_unforced_that_no_device_told(plant: TestClient, e
     finally:
         engineer.post("/instructor/seq2/line", mode="0")
     assert until(lambda: "Nothing is forced" in engineer.get("/forces/list").text)
+
+
+class Seen(HTMLParser):
+    """What a reader of a page sees: its text without what is hidden."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__()
+        self.parts: list[str] = []
+        self._hidden = 0
+        self.feed(source)
+
+    def handle_starttag(self, tag: str, attrs: Sequence[tuple[str, str | None]]) -> None:
+        if self._hidden or ("hidden" in dict(attrs) and tag == "span"):
+            self._hidden += tag == "span"
+
+    def handle_endtag(self, tag: str) -> None:
+        self._hidden -= bool(self._hidden) and tag == "span"
+
+    def handle_data(self, data: str) -> None:
+        if not self._hidden:
+            self.parts.append(data)
+
+
+@pytest.mark.parametrize(
+    ("lang", "last", "mean", "none"),
+    [
+        ("hr", "Zadnji ciklus", "Prosječni ciklus", "još nijedan"),
+        ("en", "Last run", "Mean run", "none yet"),
+        ("de", "Letzter Lauf", "Mittlerer Lauf", "noch keiner"),
+        ("cs", "Poslední běh", "Průměrný běh", "zatím žádný"),
+    ],
+)
+def test_before_the_first_run_there_is_no_time_of_one(
+    tmp_path: Path, lang: str, last: str, mean: str, none: str
+) -> None:
+    """It was told as 0.0 s; afterwards the first one stands there."""
+    labels = {"/equipment/seq2": [last], "/equipment/seq2/faceplate": [last, mean], "/": [last]}
+    with _running(tmp_path / "data", sequence_plant.write(tmp_path / "plant")) as client:
+        ivo, runtime = Operator(Staff(client), "ivo", ("operator",), lang), runtime_of(client)
+        assert until(lambda: runtime.tags.sample("seq2.start_possible").value)
+
+        def seen(path: str) -> str:
+            return words(" ".join(Seen(ivo.get(path, fragment=False).text).parts))
+
+        for path, told in labels.items():
+            for label in told:
+                assert f"{label} {none}" in seen(path), (path, label)
+        ivo.take("seq2")
+        ivo.press("/equipment/seq2/command/start", confirmed="1")
+        assert until(lambda: runtime.tags.sample("seq2.runs_done").value == 1)
+        for path, told in labels.items():
+            for label in told:
+                assert re.search(rf"{label} +0[,.]4", seen(path)), (path, label)
+        for kind in ("equipment/seq2", "overview"):
+            assert "seq2.last_outcome" in page_tags(kind, runtime.plant, runtime.points), kind
