@@ -176,3 +176,17 @@ def test_a_jog_moves_its_axis_and_its_end_is_confirmed(ivana: Operator, command:
     assert isinstance(before, float) and isinstance(now, float)
     assert (now - before > 20) if way == "up" else (before - now > 20)
     assert value(client, "mode") == 2, "manual stays, the next jog needs no other press"
+
+
+def test_before_the_first_cycle_it_has_no_time_of_one(ivana: Operator, staff: Staff) -> None:
+    """It was told as 0.0 s."""
+
+    def shown() -> list[str]:
+        page = ivana.get("/equipment/cr1/page/sequence").text
+        behind = page.split("Time of the cycle</dt>", 1)[1].split("</dd>", 1)[0]
+        parts = re.findall(r'<span data-tag="cr1\.cycle" data-show="[^"]*"\s*( hidden)?>(.*?)</span>', behind, re.S)
+        return [re.sub(r"<[^>]*>", "", text) for hidden, text in parts if not hidden]
+
+    tags = runtime_of(staff.client).tags
+    assert tags.sample("cr1.cycle").value == 0
+    assert shown() == ["–"]
