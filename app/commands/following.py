@@ -78,6 +78,7 @@ class Following:
             self._state.end(machine, job, verdict, key, job.progress.params)
         else:
             self._state.end(machine, job, verdict, *self._not_confirmed(machine, job))
+            self._sending.look_again(machine)
 
     def _not_confirmed(self, machine: Machine, job: Job) -> tuple[str, Mapping[str, object]]:
         """Why the time is up: what the device holds instead of what was written, or just that."""
@@ -107,6 +108,7 @@ class Following:
                 machine, job, ProgressState.UNCONFIRMED, "why.stop_not_confirmed", {"seconds": round(limit, 1)}
             )
             self._motion.leave(machine)
+            self._sending.look_again(machine)
             self._state.alarm_stop(machine.item.id)
         elif waited < STOP_LIMIT and not job.stopping and now - job.last_write >= STOP_REPEAT:
             if job.other is None and job.since is None and job.last_write > float("-inf"):

@@ -158,6 +158,13 @@ class Sending:
         if keys:
             self._state.spawn(self._refresh(machine, keys), f"read back {item.id}")
 
+    def look_again(self, machine: Machine) -> None:
+        """Read what commands depend on and no scan brings: the device did not do what was asked, so it may have been set at its keypad."""
+        points = machine.item.points
+        keys = [key for key in machine.used if points[key].register and points[key].scan in (Scan.PAGE, Scan.ONCE)]
+        if keys:
+            self._state.spawn(self._refresh(machine, keys), f"look again {machine.item.id}")
+
     async def _refresh(self, machine: Machine, keys: Sequence[str]) -> None:
         try:
             await self._state.writers[machine.item.link].refresh(machine.item.id, keys)

@@ -230,3 +230,26 @@ async def test_a_stop_while_the_former_setpoint_is_given_back_does_not_write_it_
     await asyncio.sleep(3.0)
     assert [written for written in hall.captured[before:] if written[0] != COMMAND] == [(0x010D, 1000), (0x2001, 3)]
     assert hall.value("frequency_setpoint") == 10.0
+
+
+async def test_what_was_changed_at_the_keypad_is_read_when_a_command_does_nothing(hall: Hall) -> None:
+    """The drive echoes a start that F200 forbids it; the next one is refused by name, without a telegram."""
+    await hall.link.raw_write(2, 0x0200, [0])
+    await hall.ask("forward")
+    await hall.ended(ProgressState.UNCONFIRMED)
+    await hall.until(lambda: hall.value("f200") == 0)
+    sent = len(hall.captured)
+    with pytest.raises(Refused) as refused:
+        await hall.ask("forward")
+    assert refused.value.params["label"] == "missing.permissive.start_source"
+    assert len(hall.captured) == sent
+
+
+async def test_a_stop_that_the_keypad_forbids_says_why_at_the_next_look(hall: Hall) -> None:
+    await hall.ask("forward")
+    await hall.ended(ProgressState.CONFIRMED)
+    await hall.link.raw_write(2, 0x0201, [0])
+    await hall.ask("stop")
+    await hall.ended(ProgressState.UNCONFIRMED)
+    assert hall.alarms == ["m2"]
+    await hall.until(lambda: hall.value("f201") == 0)
