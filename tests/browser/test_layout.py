@@ -116,6 +116,27 @@ def test_a_flood_of_alarms_with_long_names_stays_in_sight_on_a_panel_of_ten_inch
     assert [*abnormal.evaluate(FAULTS), *abnormal.evaluate(SIDEWAYS)] == []
 
 
+STACKED = (
+    "/plant",
+    "/users/review",
+    "/audit",
+    "/communication?open=hall.1",
+    "/tokens",
+    "/account",
+    "/users",
+    "/storage",
+)
+
+
+@pytest.mark.parametrize("path", STACKED)
+def test_a_telephone_shows_a_table_without_pushing_it_aside(abnormal: Page, path: str) -> None:
+    """Each cell of a row stands behind the name of its column."""
+    speak(abnormal, "de", origin(abnormal))
+    lay_out(abnormal, 390, 844, "desk")
+    open_page(abnormal, origin(abnormal) + path)
+    assert [*abnormal.evaluate(FAULTS), *abnormal.evaluate(SIDEWAYS)] == []
+
+
 @pytest.mark.parametrize("path", ["/users", "/tokens"])
 def test_what_makes_an_account_or_a_token_is_in_sight_on_a_panel(abnormal: Page, path: str) -> None:
     lay_out(abnormal, 1280, 800, "desk")
