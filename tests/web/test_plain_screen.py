@@ -23,11 +23,17 @@ def people(demo: TestClient) -> Staff:
     return Staff(demo)
 
 
+@pytest.fixture(scope="module")
+def templates(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All but the screens of types: in one place, so that they are compiled once."""
+    folder = tmp_path_factory.mktemp("plain") / "templates"
+    shutil.copytree(bundled("templates"), folder, ignore=shutil.ignore_patterns("screens"))
+    return folder
+
+
 @pytest.fixture
-def client(people: Staff, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestClient]:
+def client(people: Staff, templates: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestClient]:
     """The demo plant as if no type had drawn a screen."""
-    templates = tmp_path / "templates"
-    shutil.copytree(bundled("templates"), templates, ignore=shutil.ignore_patterns("screens"))
     for where in (pages, view):
         monkeypatch.setattr(where, "bundled", lambda name: templates if name == "templates" else bundled(name))
     shown = people.client.app.state.view  # type: ignore[attr-defined]
