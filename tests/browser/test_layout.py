@@ -116,6 +116,16 @@ def test_a_flood_of_alarms_with_long_names_stays_in_sight_on_a_panel_of_ten_inch
     assert [*abnormal.evaluate(FAULTS), *abnormal.evaluate(SIDEWAYS)] == []
 
 
+@pytest.mark.parametrize("size", [(1280, 800), (1024, 768), (1920, 1080)])
+def test_the_curves_beside_all_values_end_above_the_fold(abnormal: Page, size: tuple[int, int]) -> None:
+    lay_out(abnormal, *size, "desk")
+    open_page(abnormal, f"{origin(abnormal)}/equipment/m1/page/values")
+    canvas = abnormal.locator(".pl-trend canvas").first
+    expect(canvas).to_be_visible()
+    below = "(one) => document.querySelector('.foot').getBoundingClientRect().top - one.getBoundingClientRect().bottom"
+    assert canvas.evaluate(below) >= 0
+
+
 STACKED = (
     "/plant",
     "/users/review",
