@@ -17,6 +17,7 @@ from app.plant.loader import read_plant
 from app.running.page_tags import page_tags
 from app.sim.conveyor import training as own
 from app.sim.machines import MACHINE_FAULTS
+from app.tags.quality import is_bad, is_good
 from app.web.drawing import Scale
 from app.web.points import EquipmentView, PointView
 from app.web.tables import TableView
@@ -203,6 +204,21 @@ def test_a_line_without_two_products_has_no_gap_and_nothing_is_bad_about_it(crew
     assert none and not none[1] and "–" in none[2]
     told = face.replace(gap[0], "")
     assert 'data-tag="c2.smallest_gap"' not in told and 'data-tag="c2.gap_limit"' not in told
+
+
+def test_of_a_silent_line_no_area_is_drawn_that_is_not_known(crew: Staff, line: TestClient) -> None:
+    """Its device says where they end: without that the first would span the line, and the others lie on each other at its end."""
+    crew.have(crew.enter("gita", "engineer"))
+    tags = runtime_of(line).tags
+    assert line.get("/equipment/c1").text.count('<rect class="c-ground"') == 4
+    crew.post("/instructor/c1/line", {"mode": "1"})
+    try:
+        assert until(lambda: is_bad(tags.sample("c1.area_end_1").quality), 30)
+        drawn = line.get("/equipment/c1").text
+        assert "data-conveyor" in drawn and 'class="c-ground"' not in drawn
+    finally:
+        crew.post("/instructor/c1/line", {"mode": "0"})
+    assert until(lambda: is_good(tags.sample("c1.area_end_1").quality), 30)
 
 
 def test_only_the_page_of_the_line_carries_every_cell(line: TestClient) -> None:
