@@ -8,8 +8,9 @@ import pytest
 from playwright.sync_api import Page, StorageState
 
 from app import bundled
-from tests.browser.looks import open_page
+from tests.browser.looks import FAULTS, open_page
 from tests.browser.station import LANGUAGES, Sit, Stations, lay_out, serving, some_of_the_demo
+from tests.browser.test_layout import SIDEWAYS
 from tests.conftest import PogonServer
 
 WHO, HOME = "ana", "/"
@@ -57,6 +58,30 @@ def test_the_counts_of_alarms_stand_in_their_panel_beside_a_long_name(page: Page
         lay_out(page, *size)
         assert page.locator(".amx td").count() > 8
         assert page.evaluate(out) == 0, size
+
+
+NUMBER = """() => { // how far below the end of the head the number of the machine's name lies
+  const head = document.querySelector(".crumbs h1"), range = document.createRange(), at = head.firstChild.data.search(/Nummer \\d/);
+  range.setStart(head.firstChild, at);
+  range.setEnd(head.firstChild, at + 8);
+  const { right, bottom } = range.getBoundingClientRect(), box = head.getBoundingClientRect();
+  return Math.max(right - box.right, bottom - box.bottom); }"""
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (1024, 768)])
+def test_the_head_says_which_of_the_machines_it_is(page: Page, server: PogonServer, size: tuple[int, int]) -> None:
+    lay_out(page, *size)
+    open_page(page, f"{server.url}/equipment/m1")
+    assert page.evaluate(NUMBER) <= 2
+
+
+@pytest.mark.parametrize("path", ["/events", "/plant", "/communication"])
+@pytest.mark.parametrize("size", [(1280, 800), (1024, 768)])
+def test_no_name_pushes_its_neighbours_aside(page: Page, server: PogonServer, path: str, size: tuple[int, int]) -> None:
+    lay_out(page, *size)
+    open_page(page, server.url + path)
+    found = [*page.evaluate(FAULTS), *page.evaluate(SIDEWAYS)]
+    assert [one for one in found if "shortened" not in one and not one.startswith("seg.a-seg")] == []
 
 
 @pytest.mark.parametrize("path", ["/", "/equipment/cc1", "/equipment/m1", "/forces"])
