@@ -64,7 +64,7 @@ def folder(at: Path, text: str) -> Path:
 
 
 def read(data: Path, statement: str) -> list[Any]:
-    with sqlite3.connect(f"file:{data / 'history.db'}?mode=ro", uri=True) as connection:
+    with closing(sqlite3.connect(f"file:{data / 'history.db'}?mode=ro", uri=True)) as connection:
         return connection.execute(statement).fetchall()
 
 

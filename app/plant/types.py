@@ -32,6 +32,7 @@ A missing file but device.toml and points.toml means: there are none of these. N
 data wins.
 """
 
+import contextlib
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -83,8 +84,10 @@ SYMBOL = r"[ei]-[a-z0-9-]+"
 
 
 def names(folder: Path = EQUIPMENT) -> list[str]:
-    """Equipment types that exist."""
-    return sorted(path.parent.name for path in folder.glob("*/device.toml"))
+    """Equipment types that exist; none in a folder that cannot be, whatever Python has against it."""
+    with contextlib.suppress(ValueError):
+        return sorted(path.parent.name for path in folder.glob("*/device.toml"))
+    return []
 
 
 def read_type(

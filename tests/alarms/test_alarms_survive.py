@@ -5,6 +5,7 @@ import sqlite3
 import struct
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ def write(port: int, unit: int, address: int, word: int) -> None:
 
 
 def read(data: Path, query: str) -> list[Any]:
-    with sqlite3.connect(f"file:{data / 'pogon.db'}?mode=ro", uri=True) as base:
+    with closing(sqlite3.connect(f"file:{data / 'pogon.db'}?mode=ro", uri=True)) as base:
         return base.execute(query).fetchall()
 
 

@@ -2,6 +2,7 @@
 
 import random
 import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -424,6 +425,6 @@ def test_an_event_is_one_row_however_many_tell_it(history: Database) -> None:
     for _ in range(3):
         fold = RecordFold(conveyor("c1"))
         history.run(lambda c, fold=fold: events.store(c, events.Delivery("c1", [event]), (fold,), BEGIN))  # type: ignore[misc]
-    with sqlite3.connect(history.path) as connection:
+    with closing(sqlite3.connect(history.path)) as connection:
         for table in ("event", "record_event"):
             assert connection.execute(f"SELECT count(*) FROM {table}").fetchone() == (1,)

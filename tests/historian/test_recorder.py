@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -493,7 +494,7 @@ def test_kill_9_loses_no_more_than_the_last_second(tmp_path: Path) -> None:
         for line in process.stdout:
             last = int(line) if line.endswith(b"\n") else last
     assert process.returncode == -signal.SIGKILL
-    with sqlite3.connect(path) as connection:
+    with closing(sqlite3.connect(path)) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
         for number in range(1, 51):
             (newest, count) = connection.execute(

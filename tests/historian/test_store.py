@@ -3,6 +3,8 @@
 import math
 import sqlite3
 from bisect import bisect_left
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -47,13 +49,18 @@ def histories(draw: st.DrawFn, longest: int = 40) -> list[RawRow]:
     return rows
 
 
-def fresh() -> Connection:
+@contextmanager
+def fresh() -> Iterator[Connection]:
     """An empty history in memory."""
-    connection = create_engine("sqlite://").connect()
-    raw = connection.connection.dbapi_connection
-    assert isinstance(raw, sqlite3.Connection)
-    raw.executescript(SCHEMA)
-    return connection
+    engine = create_engine("sqlite://")
+    try:
+        with engine.connect() as connection:
+            raw = connection.connection.dbapi_connection
+            assert isinstance(raw, sqlite3.Connection)
+            raw.executescript(SCHEMA)
+            yield connection
+    finally:
+        engine.dispose()
 
 
 def as_rows(rows: list[RawRow], number: int = 1) -> list[Row]:

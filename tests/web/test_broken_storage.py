@@ -3,6 +3,7 @@
 import re
 import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -35,7 +36,7 @@ def broken(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Sta
         staff = Staff(client)
         staff.enter("ana", "admin", "engineer", "operator")
         assert client.get("/audit").status_code == 200
-        with sqlite3.connect(tmp_path / "data" / request.param, timeout=30) as database:
+        with closing(sqlite3.connect(tmp_path / "data" / request.param, timeout=30)) as database, database:
             tables = [name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
             for name in tables:
                 if not name.startswith("sqlite") and name not in SESSIONS:

@@ -45,7 +45,7 @@ def broken(start: Start) -> TestClient:
         ("POST", "/", 405),
         ("POST", "/language", 403),
         ("GET", "/users", 303),
-        ("GET", "/live", 404),
+        ("GET", "/live", 426),
         ("GET", "/explode", 500),
         ("GET", "/api/explode", 500),
         ("GET", "/api/nowhere", 404),
