@@ -1,6 +1,7 @@
 """The clock of a Pogon PLC, read with its header."""
 
 from collections.abc import Sequence
+from math import inf
 
 from app.registers import plc_map
 from app.registers.plc_map import TimeQuality
@@ -18,24 +19,29 @@ class DeviceClock:
         self.boots: int | None = None
         self._offset: int | None = None
         self._time = 0
-        self._asked = 0
+        self._began = -inf
         self._before: tuple[int, int, int] | None = None
         """Of the start before this one: last device time, offset, boot count."""
 
-    def header(self, words: Sequence[int], first: int, asked: int, answered: int) -> bool:
-        """Take header words from `first` on, read between `asked` and `answered` [µs UTC]; whether the device was restarted."""
+    def header(self, words: Sequence[int], first: int, began: float, ended: float, wall: int) -> bool:
+        """Take header words from `first` on, read between `began` and `ended` [s, monotonic] when it was `wall` [µs UTC] at the end.
+
+        Returns whether the device was restarted. Which answer is the later one, and how long it took, our wall clock does not say: it may
+        have been set meanwhile.
+        """
         boots = words[plc_map.AT_BOOTS - first]
         time = plc_map.time_of(words[plc_map.AT_TIME - first : plc_map.AT_TIME_QUALITY - first])
         quality = words[plc_map.AT_TIME_QUALITY - first]
-        if asked < self._asked:  # overtaken on another connection
+        if began < self._began:  # overtaken on another connection
             return False
-        self._asked = asked
-        went_back = time + (answered - asked) + SCAN < self._time
+        self._began = began
+        took = round((ended - began) * 1e6)
+        went_back = time + took + SCAN < self._time
         restarted = self.boots is not None and (boots != self.boots or went_back)
         if restarted and self._offset is not None and self.boots is not None:
             self._before, self._offset = (self._time, self._offset, self.boots), None
         self.boots, self._time = boots, time
-        low, high = asked - time, answered - time
+        low, high = wall - took - time, wall - time
         if quality != TimeQuality.FREE:
             self._offset = 0
         elif self._offset is None or not low - DRIFT <= self._offset <= high + DRIFT:

@@ -239,9 +239,10 @@ class EventReader:
     async def _read_clock(self) -> None:
         """The device's time and start as they are now: the header may be a second old."""
         first, last = plc_map.AT_BOOTS, plc_map.AT_TIME_QUALITY
-        asked = self._bus.clock.micros()
+        now = asyncio.get_running_loop().time
+        began = now()
         words = await self._bus.read(self._station, Block(plc_map.HEADER + first, last - first + 1))
-        if self._clock.header(words, first, asked, self._bus.clock.micros()):
+        if self._clock.header(words, first, began, now(), self._bus.clock.micros()):
             self._suspect = True
 
     def _skip(self, to: int) -> None:

@@ -112,7 +112,7 @@ class PlcUnit:
         station = self._station
         last: LinkError = NoAnswer(f"unit {station.number}: no header")
         for _ in range(TRIES):
-            asked = self._bus.clock.micros()
+            began = asyncio.get_running_loop().time()
             try:
                 words = await self._bus.read(station, Block(plc_map.HEADER, self._header_words, cuts=WHOLE_PARTS))
             except DeviceException as error:
@@ -130,7 +130,7 @@ class PlcUnit:
                 self._tell(fault)
                 return False
             self._told = ""
-            self._header(words, asked)
+            self._header(words, began, asyncio.get_running_loop().time())
             await self._first_sign()
             return True
         raise NoAnswer(str(last))
@@ -190,7 +190,7 @@ class PlcUnit:
                     self._bus.misconfigured(self._station, fault)
                     return Seen.NOTHING
                 now = asyncio.get_running_loop().time()
-                self._header(words, self._bus.clock.micros() - round((now - started) * 1e6))
+                self._header(words, started, now)
                 if len(words) > LAST:
                     self._pulse.header(words[FIRST : LAST + 1], started, now, paused=self._bus.paused())
                     self._judge()
@@ -207,8 +207,8 @@ class PlcUnit:
                 found[block.number] = block
         return list(found.values())
 
-    def _header(self, words: Sequence[int], asked: int) -> None:
-        restarted = self.clock.header(words, 0, asked, self._bus.clock.micros())
+    def _header(self, words: Sequence[int], began: float, ended: float) -> None:
+        restarted = self.clock.header(words, 0, began, ended, self._bus.clock.micros())
         crc = words[plc_map.AT_CRC] << 16 | words[plc_map.AT_CRC + 1]
         changed, self.crc = self.crc is not None and crc != self.crc, crc
         self.minor = words[plc_map.AT_MINOR]

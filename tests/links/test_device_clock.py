@@ -1,5 +1,7 @@
 """The clock of a device that is read with its header."""
 
+import pytest
+
 from app.links.device_clock import DeviceClock
 from app.registers import plc_map
 
@@ -11,33 +13,49 @@ def header(boots: int, time: int, quality: int = 0) -> list[int]:
     return words
 
 
+def take(clock: DeviceClock, words: list[int], asked: int, answered: int, ahead: int = 0) -> bool:
+    """What was read between these [µs] while our wall clock was so much ahead."""
+    return clock.header(words, 0, asked / 1e6, answered / 1e6, answered + ahead)
+
+
 def test_the_offset_is_kept_until_it_is_wrong_by_more_than_50_ms() -> None:
     clock = DeviceClock()
-    assert not clock.header(header(1, 1_000_000), 0, 50_000_000, 50_002_000)
+    assert not take(clock, header(1, 1_000_000), 50_000_000, 50_002_000)
     assert clock.utc(1_000_000) == 50_001_000
-    clock.header(header(1, 2_000_000), 0, 51_040_000, 51_041_000)
+    take(clock, header(1, 2_000_000), 51_040_000, 51_041_000)
     assert clock.utc(2_000_000) == 51_001_000, "40 ms are not worth a jump"
-    clock.header(header(1, 3_000_000), 0, 52_000_000, 53_000_000)
+    take(clock, header(1, 3_000_000), 52_000_000, 53_000_000)
     assert clock.utc(3_000_000) == 52_001_000, "a slow answer says nothing against it"
-    clock.header(header(1, 4_000_000), 0, 53_080_000, 53_082_000)
+    take(clock, header(1, 4_000_000), 53_080_000, 53_082_000)
     assert clock.utc(4_000_000) == 53_081_000
 
 
 def test_a_device_that_keeps_utc_is_believed() -> None:
     clock = DeviceClock()
-    clock.header(header(1, 1_700_000_000_000_000, 2), 0, 5, 6)
+    take(clock, header(1, 1_700_000_000_000_000, 2), 5, 6)
     assert clock.utc(1_700_000_000_000_123) == 1_700_000_000_000_123
 
 
 def test_what_happened_before_a_restart_keeps_the_time_that_it_had() -> None:
     clock = DeviceClock()
-    clock.header(header(1, 1_000_000), 0, 50_000_000, 50_000_000)
-    assert clock.header(header(2, 1_200_000), 0, 80_000_000, 80_000_000)
+    take(clock, header(1, 1_000_000), 50_000_000, 50_000_000)
+    assert take(clock, header(2, 1_200_000), 80_000_000, 80_000_000)
     assert (clock.utc(900_000), clock.boot(900_000)) == (49_900_000, 1)
     assert (clock.utc(1_200_000), clock.boot(1_200_000)) == (80_000_000, 2)
-    assert not clock.header(header(2, 1_100_000), 0, 79_990_000, 80_000_000), "overtaken on another connection"
-    assert not clock.header(header(2, 1_190_000), 0, 80_000_000, 80_001_000), "served out of order"
-    clock.header(header(2, 1_200_000), 0, 80_000_000, 80_000_000)
-    assert clock.header(header(1, 10_000), 0, 90_000_000, 90_000_000), "its time began anew"
+    assert not take(clock, header(2, 1_100_000), 79_990_000, 80_000_000), "overtaken on another connection"
+    assert not take(clock, header(2, 1_190_000), 80_000_000, 80_001_000), "served out of order"
+    take(clock, header(2, 1_200_000), 80_000_000, 80_000_000)
+    assert take(clock, header(1, 10_000), 90_000_000, 90_000_000), "its time began anew"
     assert (clock.utc(5_000), clock.boot(5_000)) == (89_995_000, 1)
     assert clock.utc(1_100_000) == 79_900_000
+
+
+@pytest.mark.parametrize("step", [-86_400, -3600, -1, 1, 3600, 86_400])
+def test_a_wall_clock_that_is_set_hides_no_restart_and_moves_what_happens_then(step: int) -> None:
+    clock, ahead = DeviceClock(), step * 1_000_000
+    take(clock, header(1, 1_000_000), 50_000_000, 50_000_000)
+    assert not take(clock, header(1, 2_000_000), 51_000_000, 51_000_000, ahead), "it goes on"
+    assert clock.utc(2_000_000) == 51_000_000 + ahead
+    assert not take(clock, header(1, 1_999_000), 50_999_000, 51_000_000, ahead), "overtaken on another connection"
+    assert take(clock, header(2, 10_000), 60_000_000, 60_000_000, ahead)
+    assert (clock.utc(10_000), clock.boot(10_000)) == (60_000_000 + ahead, 2)
