@@ -206,10 +206,12 @@ def test_a_line_without_two_products_has_no_gap_and_nothing_is_bad_about_it(crew
     assert 'data-tag="c2.smallest_gap"' not in told and 'data-tag="c2.gap_limit"' not in told
 
 
-def test_of_a_silent_line_no_area_is_drawn_that_is_not_known(crew: Staff, line: TestClient) -> None:
+def test_of_a_silent_line_no_area_is_drawn_that_is_not_known(fresh_line: TestClient) -> None:
     """Its device says where they end: without that the first would span the line, and the others lie on each other at its end."""
+    line, crew = fresh_line, Staff(fresh_line)
     crew.have(crew.enter("gita", "engineer"))
     tags = runtime_of(line).tags
+    assert until(lambda: is_good(tags.sample("c1.area_end_1").quality), 30)
     assert line.get("/equipment/c1").text.count('<rect class="c-ground"') == 4
     crew.post("/instructor/c1/line", {"mode": "1"})
     try:
