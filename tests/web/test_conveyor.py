@@ -192,9 +192,12 @@ def test_the_last_start_of_each_belt_is_drawn_and_a_line_that_never_ran_says_so(
     assert "No start since" in never and "No stop since" in never and "c-trace" not in never
 
 
-def test_a_line_without_two_products_has_no_gap_and_nothing_is_bad_about_it(crew: Staff, line: TestClient) -> None:
+def test_a_line_without_two_products_has_no_gap_and_nothing_is_bad_about_it(fresh_line: TestClient) -> None:
+    line, crew = fresh_line, Staff(fresh_line)
     crew.have(crew.enter("gita", "engineer"))
     line.cookies.set("pogon_lang", "en")
+    tags = runtime_of(line).tags
+    assert until(lambda: is_good(tags.sample("c2.products").quality), 30)
     face = line.get("/equipment/c2/faceplate").text
     gap, none = (
         re.search(rf'<div class="f-v" data-tag="c2.products" data-show="{when}"( hidden)?>(.*?)</div>', face, re.DOTALL)
