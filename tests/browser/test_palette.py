@@ -146,7 +146,12 @@ def test_what_is_typed_before_anything_is_found_presses_nothing_behind_it_and_is
     held[0].continue_()
     wait_for(page, held, 2)
     expect(page).to_have_url(re.compile("/equipment/m1$"))
-    held[1].continue_()
+    answered, end = 1, time.monotonic() + 15
+    while not page.url.endswith("/equipment/m2") and time.monotonic() < end:
+        for asked in held[answered:]:  # on a busy machine a letter may come so late that it is asked for by itself
+            asked.continue_()
+        answered = len(held)
+        page.wait_for_timeout(50)
     expect(page).to_have_url(re.compile("/equipment/m2$"))
     assert sent == []
     page.unroute_all()
