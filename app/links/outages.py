@@ -16,6 +16,7 @@ from app.links.examine import NO_REGISTER, Examiner
 from app.links.line import Line
 from app.links.mailbox import MailboxUnit
 from app.links.plc import PlcUnit
+from app.links.plc_instead import answers_instead
 from app.links.register_parameters import RegisterParameters
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Priority
@@ -267,7 +268,9 @@ class Outages(Line):
         self._settle()
 
     async def _identified(self, station: Station) -> bool:
-        """Whether all its services take the unit for the device of the plant file."""
+        """Whether all its services take the unit for the device of the plant file, and no PLC stands in its place."""
+        if await answers_instead(self, station):
+            return False
         for service in station.services:
             if not await service.identify():
                 return False

@@ -36,6 +36,8 @@ class Station:
     """Whether it says that it is simulated."""
     untold: bool = False
     """Whether it was asked for that, and said nothing."""
+    mute: bool = False
+    """Whether it said nothing when it was asked for the header of a PLC (plc_instead.py)."""
     state: LinkState = LinkState.CONNECTING
     halted: bool = False
     """Whether its program stands still while it answers."""

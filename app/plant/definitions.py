@@ -372,6 +372,8 @@ class Device:
     write_only: Sequence[tuple[int, int]] = ()
     training: int = 0xE000
     """Address of the training registers of its virtual device."""
+    makers_map: bool = False
+    """Whether its registers are its maker's: a unit that shows the header of a Pogon PLC is another device."""
     services: Sequence[UnitService] = ()
     """What its unit offers beside plain registers; at most one of a kind."""
 

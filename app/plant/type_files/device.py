@@ -36,6 +36,7 @@ def read_device(table: Table) -> Device:
         holes=tuple(_ranges(table, "holes")),
         write_only=tuple(_ranges(table, "write_only")),
         training=table.whole("training", 0xE000),
+        makers_map=table.flag("makers_map", False),
     )
     check_periods(table)
     for key in groups.data.keys() - scans:

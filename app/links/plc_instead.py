@@ -1,0 +1,45 @@
+"""A Pogon PLC at the address of a device that has its maker's map: values read from it would look good and mean nothing."""
+
+import logging
+
+from app.errors import BadAnswer, DeviceException, NoAnswer
+from app.links.contract import Block
+from app.links.line import Line
+from app.links.station import Station
+from app.links.statistics import LinkState
+from app.registers import plc_map
+from app.registers.pdu import READ_HOLDING
+
+log = logging.getLogger(__name__)
+
+WORDS = plc_map.AT_TYPE + 1
+"""Of the header (registers/plc_map.py): magic, major and minor version, type."""
+
+
+async def answers_instead(line: Line, station: Station) -> bool:
+    """Whether the unit shows the header of a Pogon PLC; False too where nothing can be told. Who is silent there is not asked again.
+
+    Raises:
+        NotConnected: the connection is lost.
+    """
+    device = station.device
+    if not device.makers_map or station.mute or READ_HOLDING not in device.read_functions:
+        return False
+    try:
+        words = await line.read(station, Block(plc_map.HEADER, WORDS), liveness=False, quiet=True)
+    except NoAnswer:
+        station.mute = True
+        return False
+    except (BadAnswer, DeviceException):
+        return False
+    if (words[plc_map.AT_MAGIC], words[plc_map.AT_MAJOR]) != (plc_map.MAGIC, plc_map.MAJOR):
+        return False
+    if station.state is not LinkState.CONFIGURATION:  # once
+        log.error(
+            "device is not that of the plant file link=%s unit=%d: a Pogon PLC of type %d answers, expected %s",
+            line.link.name,
+            station.number,
+            words[plc_map.AT_TYPE],
+            station.equipment[0].type.name,
+        )
+    return True
