@@ -13,7 +13,7 @@ from app.plant.derive import TIME_UNIT
 from app.plant.texts import Texts, fill
 from app.tags.batch import Value
 from app.tags.database import TagDatabase
-from app.tags.quality import NO_DATA
+from app.tags.quality import NO_DATA, QualityReason, reason
 from app.web import format as fmt
 from app.web.drawing import Dial, Indicator, indicator
 from app.web.format import Text
@@ -95,6 +95,11 @@ class PointView:
         if not self.usable or not isinstance(self.value, int | float):
             return self.quality_text
         return fmt.quantity(self.value, self.decimals, self.unit, self.lang)
+
+    @property
+    def misplaced(self) -> bool:
+        """Whether something answers, and it is not what the plant file says."""
+        return reason(self.quality) is QualityReason.CONFIGURATION
 
     def badge(self, style: str) -> str:
         """Letters beside the value: BAD, the age of a stale one, F forced, M manual or local; S only in a box, the header says it."""
@@ -443,6 +448,8 @@ def live_texts(text: Text) -> dict[str, object]:
         "name": text("value.name"),
         "unknown": text("value.unknown"),
         "no_connection": text("live.no_connection"),
+        "no_communication": text("live.no_communication"),
+        "misplaced": text("communication.state.configuration"),
         "tried": text("live.stop_is_tried"),
     }
 

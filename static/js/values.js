@@ -28,7 +28,7 @@ const set = (element, name, value) => { if (element.getAttribute(name) !== value
 
 // ---- what a value looks like ----------------------------------------------------------------------------------
 
-const REASON = { NO_DATA: 1, STALE: 3 };
+const REASON = { NO_DATA: 1, STALE: 3, CONFIGURATION: 6 };
 const level = (q) => q & 3, reason = (q) => (q >> 2) & 15;
 export const state = (q, value) => {
   const s = level(q) === 0 ? "good" : level(q) === 1 ? (reason(q) === REASON.STALE ? "stale" : "uncertain")
@@ -76,9 +76,9 @@ function holds(condition, tag) {
 const staleAge = (tag) => (performance.now() - tag.since) / 1000;
 
 function drawText(item, tag) {
-  const { element } = item, data = element.dataset;
-  let text = tag.state === "bad" ? data.bad ?? format.NO_VALUE
-    : tag.state === "none" ? data.bad ?? format.NO_DATA_YET : write(tag.value, data.as, item);
+  const { element } = item, data = element.dataset, foreign = reason(tag.quality) === REASON.CONFIGURATION;
+  const bad = foreign && data.bad === texts.no_communication ? texts.misplaced : data.bad; // "no communication": nobody answers
+  const text = tag.state === "bad" ? bad ?? format.NO_VALUE : tag.state === "none" ? bad ?? format.NO_DATA_YET : write(tag.value, data.as, item);
   if (item.settles && tag.state === item.state && item.drawn !== undefined && text !== item.text
     && Math.abs(tag.value - item.drawn) < format.deadBand(item.decimals) && performance.now() - item.at < SETTLE) {
     item.late = true;

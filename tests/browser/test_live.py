@@ -343,7 +343,7 @@ def test_what_the_script_draws_is_what_the_server_draws(
 ) -> None:
     """In every state, which comes after a good value each time; the first one after a page to which nothing was sent."""
     wire = opened(lang)
-    for number, (state, quality) in enumerate(STATES.items()):
+    for number, (state, quality) in enumerate({**STATES, "misplaced": q.CONFIGURATION}.items()):
         hall.publish_all(q.GOOD, lambda key: 1)
         wire.send(hall.frame(2 * number + 1))
         live(page)
@@ -408,6 +408,11 @@ def test_a_bad_value_leaves_no_number_on_the_page(page: Page, hall: Hall, opened
     expect(page.locator(".val.hero b")).to_have_text("----")
     assert "1\u202f234" not in page.inner_text(".vals tbody")
     expect(page.locator(".mai-ptr").first).to_be_hidden()
+    expect(page.locator("main")).to_contain_text("No communication")
+    hall.publish_all(q.CONFIGURATION, lambda key: 1234.0)
+    wire.send(hall.frame(3))
+    expect(page.locator("main")).to_contain_text("Wrong configuration")
+    expect(page.locator("main")).not_to_contain_text("No communication")
 
 
 def test_a_setpoint_that_is_not_known_has_no_place_on_a_scale(
