@@ -2,6 +2,7 @@
 
 # Each command imports what it needs when it is called: a web server and a database layer cost a second that `pogon --help` need not take.
 import asyncio
+import gc
 import getpass
 import os
 import sys
@@ -66,6 +67,7 @@ def run(
     ] = False,
 ) -> None:
     """Start the plant and its web server (settings are POGON_ variables, see README)."""
+    gc.disable()  # what is built at the start stays; web/serve.py lets the collector go once it stands
     settings = settings_or_exit(**({"serve_modbus": serve_modbus} if serve_modbus else {}))
     from app.access.access import lock, prepare
     from app.access.former import begin_anew as put_aside

@@ -1,12 +1,16 @@
 """What `pogon run` refuses before it opens a port, and what the server's log leaves out."""
 
+import gc
 import logging
 from pathlib import Path
 
 import pytest
+import uvicorn
+from fastapi import FastAPI
 
 from app.errors import ConfigurationError
-from app.web.serve import check_key, without_query
+from app.settings import Settings
+from app.web.serve import Server, check_key, without_query
 
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o644, 0o660, 0o620, 0o666, 0o777])
@@ -44,3 +48,18 @@ def test_the_log_has_no_query(args: tuple[object, ...], written: str) -> None:
     record = logging.LogRecord("uvicorn.access", logging.INFO, "", 0, "%s %s %s %s %d", args, None)
     assert without_query(record)
     assert record.getMessage() == written
+
+
+async def test_the_collector_is_off_while_it_starts_and_goes_afterwards(tmp_path: Path) -> None:
+    settings = Settings(data=tmp_path, port=0)
+    server = Server(uvicorn.Config(FastAPI(), port=0, lifespan="off"), FastAPI(), settings)
+    server.config.load()
+    server.lifespan = server.config.lifespan_class(server.config)
+    gc.disable()
+    try:
+        await server.startup()
+        assert gc.isenabled()
+    finally:
+        gc.enable()
+        gc.unfreeze()
+        await server.shutdown()
