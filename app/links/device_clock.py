@@ -20,6 +20,8 @@ class DeviceClock:
         self._offset: int | None = None
         self._time = 0
         self._began = -inf
+        self._stood = False
+        """Whether its clock, which counts its scans, stood still between the last two headers."""
         self._before: tuple[int, int, int] | None = None
         """Of the start before this one: last device time, offset, boot count."""
 
@@ -34,12 +36,14 @@ class DeviceClock:
         quality = words[plc_map.AT_TIME_QUALITY - first]
         if began < self._began:  # overtaken on another connection
             return False
-        self._began = began
+        since, self._began = round((began - self._began) * 1e6) if self.boots is not None else 0, began
         took = round((ended - began) * 1e6)
         went_back = time + took + SCAN < self._time
         restarted = self.boots is not None and (boots != self.boots or went_back)
         if restarted and self._offset is not None and self.boots is not None:
-            self._before, self._offset = (self._time, self._offset, self.boots), None
+            # the first that the new start tells has the time at which the clock of the one before stood
+            self._before, self._offset = (self._time - self._stood, self._offset, self.boots), None
+        self._stood = not restarted and time == self._time and since > SCAN
         self.boots, self._time = boots, time
         low, high = wall - took - time, wall - time
         if quality != TimeQuality.FREE:

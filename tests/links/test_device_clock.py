@@ -59,3 +59,15 @@ def test_a_wall_clock_that_is_set_hides_no_restart_and_moves_what_happens_then(s
     assert not take(clock, header(1, 1_999_000), 50_999_000, 51_000_000, ahead), "overtaken on another connection"
     assert take(clock, header(2, 10_000), 60_000_000, 60_000_000, ahead)
     assert (clock.utc(10_000), clock.boot(10_000)) == (60_000_000 + ahead, 2)
+
+
+@pytest.mark.parametrize("stood", [False, True])
+def test_the_first_event_of_a_start_after_a_standstill_is_none_of_the_start_before(stood: bool) -> None:
+    """Its program stands, so does the clock that counts its scans; whoever switches it off and on begins at the time at which it stood."""
+    clock = DeviceClock()
+    take(clock, header(1, 900_000 + 100_000 * stood), 49_000_000, 49_000_000)
+    take(clock, header(1, 1_000_000), 50_000_000, 50_000_000)
+    assert take(clock, header(2, 1_010_000), 58_010_000, 58_010_000)
+    assert clock.boot(1_000_000) == (2 if stood else 1)
+    assert clock.utc(1_000_000) == (58_000_000 if stood else 50_000_000)
+    assert (clock.utc(999_000), clock.boot(999_000)) == (49_999_000, 1)

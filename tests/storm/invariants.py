@@ -5,6 +5,7 @@ import json
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 from sqlalchemy import select
@@ -524,6 +525,37 @@ async def events_are_stored(c: Checker) -> None:
                 raise Fell("events_are_stored", f"{one} is neither stored nor told as a gap")
 
 
+async def events_have_their_time(c: Checker) -> None:
+    """Each event is told for the time at which it happened, by a wall clock that stood between then and when it was read.
+
+    The clock of a PLC counts its scans: what is read after a standstill seems to be later by that at most.
+    """
+    world = c.world
+    happened: dict[tuple[str, int, int], list[float]] = {}
+    for one in world.told:
+        happened.setdefault((one.machine, one.sequence, one.code), []).append(one.at)
+    until = [begin for begin, _ in world.walls[1:]] + [inf]
+    for heard in world.heard:
+        off = []
+        for at in happened.get((heard.machine, heard.sequence, heard.code), ()):
+            stood = sum(
+                max(0.0, min(end, heard.at) - max(begin, at))
+                for (name, begin), end in world.frozen.items()
+                if name == heard.machine
+            )
+            for (begin, ahead), end in zip(world.walls, until, strict=True):
+                if at <= heard.at and begin <= heard.at and end >= at - MEASURED:
+                    late = (heard.time - ahead) / 1e6 - at
+                    off.append(max(0.0, late - stood, -late))
+        if min(off, default=inf) > MISTIMED:
+            raise Fell("events_have_their_time", f"{heard} is off by {min(off, default=inf):.3f} s at least")
+    stored = await world.runtime.history.read(lambda connection: connection.execute(TIMED).all())
+    known = {(heard.machine, heard.sequence, heard.code, heard.time) for heard in world.heard}
+    for row in stored:
+        if tuple(row) not in known:
+            raise Fell("events_have_their_time", f"{tuple(row)} is stored and was never read so")
+
+
 async def records_are_of_events(c: Checker) -> None:
     """Every record begins with an event that is stored, and one that is over ends with one, or after the time that its kind lasts."""
     runtime, event, of = c.world.runtime, history.event.c, history.record_event.c
@@ -624,6 +656,11 @@ LATEST = 0.2
 STORED = select(history.event_machine.c.name, history.event.c.sequence, history.event.c.code).join(
     history.event, history.event.c.machine == history.event_machine.c.id
 )
+TIMED = STORED.add_columns(history.event.c.time)
+MEASURED = 3.0
+"""A header is at most so old when the time of an event is reckoned with it [s]."""
+MISTIMED = 0.6
+"""Half of what the slowest header takes, and what a clock may drift before it is measured anew [s]."""
 
 
 ALWAYS: tuple[Callable[[Checker], None], ...] = (
@@ -637,5 +674,5 @@ ALWAYS: tuple[Callable[[Checker], None], ...] = (
 )
 AT_THE_END = (
     all_is_well_again, what_is_shown_is_so, audit_is_whole, what_was_done_was_foretold, alarms_follow_the_table, events_are_stored,
-    records_are_of_events, nothing_good_while_nobody_looked,
+    events_have_their_time, records_are_of_events, nothing_good_while_nobody_looked,
 )  # fmt: skip

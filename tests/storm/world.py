@@ -13,6 +13,7 @@ from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
+from math import inf
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -28,6 +29,7 @@ from app.commands.parameter_change import KEY as PARAMETERS
 from app.commands.parameter_change import SAVE, ParameterChange
 from app.errors import PogonError, StorageError
 from app.plant.definitions import Command, Equipment, Plant
+from app.plant.events import RingEvent
 from app.plant.loader import read_plant
 from app.registers import plc_map
 from app.running.page_tags import page_tags
@@ -129,6 +131,19 @@ class Told:
     """[s]"""
 
 
+@dataclass(frozen=True)
+class Heard:
+    """A device event as the server has it."""
+
+    machine: str
+    sequence: int
+    code: int
+    time: int
+    """When it happened, as the server reckons [µs UTC]."""
+    at: float
+    """When it was handed over [s]."""
+
+
 @dataclass
 class World:
     """Everything; `live` plays a script."""
@@ -150,6 +165,11 @@ class World:
     """Commands that are over [s], also those of servers that were killed."""
     done: list[Done] = field(default_factory=list)
     told: list[Told] = field(default_factory=list)
+    heard: list[Heard] = field(default_factory=list)
+    frozen: dict[tuple[str, float], float] = field(default_factory=dict)
+    """A machine whose program stood still, from when → to when [s]; so did its clock."""
+    walls: list[tuple[float, int]] = field(default_factory=list)
+    """From when on [s] the wall clock was ahead of the monotonic one by how much [µs]."""
     asked: dict[str, tuple[float, str, str]] = field(default_factory=dict)
     """Id of every order → when [s], machine, command."""
     sets: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -184,6 +204,7 @@ class World:
         self.disks.die = self._die
         self._hash = hashlib.sha256()
         self.lives_since = self.clock.micros()
+        self.walls.append((self.now, self.clock.micros() - round(self.now * 1e6)))
         self.machines = list(self.script.machines)
         self.wires: dict[str, Wire] = {}
         """Links that are not in memory."""
@@ -235,8 +256,19 @@ class World:
                 account, _ = await runtime.access.people.add(BOSS, name, "", roles)
                 runtime.access.people.set_password_now(BOSS, name, PASSWORD)
                 self.ids[name] = account.id
+        self._hear(runtime)
         self._started()
         self.down = False
+
+    def _hear(self, runtime: Runtime) -> None:
+        ring = runtime.alarms.ring
+        take = ring.take
+
+        def taken(machine: str, events: Sequence[RingEvent], lost: int) -> None:
+            self.heard += [Heard(machine, one.sequence, one.code, one.time, self.now) for one in events]
+            take(machine, events, lost)
+
+        ring.take = taken  # type: ignore[method-assign]
 
     def _build(self) -> Runtime:
         return Runtime(Settings(plant=self.plant_folder, data=self.data), self.clock, inline)
@@ -741,8 +773,11 @@ class World:
         if device is None or "step" in vars(device) or not isinstance(device, VirtualPlc):
             return
         device.step = lambda: None  # type: ignore[method-assign]
+        began = self.now
+        self.frozen[machine, began] = inf
         await asyncio.sleep(seconds)
         vars(device).pop("step", None)
+        self.frozen[machine, began] = self.now
 
     async def _do_fault(self, machine: str, number: int, seconds: float) -> None:
         found, device = self.bus_of(machine), self.devices.get(machine)
@@ -776,6 +811,7 @@ class World:
         before = self.clock.micros()
         self.clock.step_wall(seconds)
         now = self.clock.micros()
+        self.walls.append((self.now, now - round(self.now * 1e6)))
         self.silences = [(begin, end) for begin, end in self.silences if end < now]
         if now < before:
             self.lived.append((self.lives_since, before))
