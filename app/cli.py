@@ -69,6 +69,15 @@ def run(
     """Start the plant and its web server (settings are POGON_ variables, see README)."""
     gc.disable()  # what is built at the start stays; web/serve.py lets the collector go once it stands
     settings = settings_or_exit(**({"serve_modbus": serve_modbus} if serve_modbus else {}))
+    gc.disable()  # nearly all that a start builds stays; the collector walks it again and again, a tenth of the time until the first page
+    try:
+        _run(settings, begin_anew)
+    finally:
+        gc.enable()  # at the latest: `Server.startup` does so
+
+
+def _run(settings: "Settings", begin_anew: bool) -> None:
+    """Serve the plant until a signal ends it; the exit code is 2 when it cannot be served with these settings."""
     from app.access.access import lock, prepare
     from app.access.former import begin_anew as put_aside
     from app.main import create_app

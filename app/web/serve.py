@@ -166,7 +166,7 @@ class Server(uvicorn.Server):
         # what was built so far stays: the collector need not walk it again and hold up the loop (40 ms with 1 000 tags)
         gc.collect()
         gc.freeze()
-        gc.enable()
+        gc.enable()  # `pogon run` starts without it
         if self.started and self.servers:
             port = self.servers[0].sockets[0].getsockname()[1]
             typer.echo(announcement(self._pogon, self._settings, port))

@@ -2,12 +2,15 @@
 
 import gc
 import logging
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import uvicorn
 from fastapi import FastAPI
+from typer.testing import CliRunner
 
+from app.cli import cli
 from app.errors import ConfigurationError
 from app.settings import Settings
 from app.web.serve import Server, check_key, without_query
@@ -50,16 +53,43 @@ def test_the_log_has_no_query(args: tuple[object, ...], written: str) -> None:
     assert record.getMessage() == written
 
 
-async def test_the_collector_is_off_while_it_starts_and_goes_afterwards(tmp_path: Path) -> None:
-    settings = Settings(data=tmp_path, port=0)
-    server = Server(uvicorn.Config(FastAPI(), port=0, lifespan="off"), FastAPI(), settings)
-    server.config.load()
-    server.lifespan = server.config.lifespan_class(server.config)
-    gc.disable()
-    try:
-        await server.startup()
-        assert gc.isenabled()
-    finally:
-        gc.enable()
+@pytest.fixture
+def collector() -> Iterator[None]:
+    """It works before the test and after it, and walks what it walked."""
+    assert gc.isenabled()
+    frozen = gc.get_freeze_count()
+    yield
+    gc.enable()
+    if not frozen:
         gc.unfreeze()
-        await server.shutdown()
+
+
+@pytest.mark.usefixtures("collector")
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_plant_starts_without_the_collector_and_whatever_comes_of_it_the_collector_works_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: bool
+) -> None:
+    found = list[bool]()
+
+    def serve(_app: FastAPI, _settings: Settings) -> None:
+        found.append(gc.isenabled())
+        if fails:
+            raise ConfigurationError("no port")
+
+    monkeypatch.setattr("app.web.serve.serve", serve)
+    monkeypatch.setattr("os.umask", lambda mask: mask)
+    done = CliRunner().invoke(cli, ["run"], env={"POGON_DATA": str(tmp_path / "data")})
+    assert (done.exit_code, found) == (2 if fails else 0, [False])
+    assert gc.isenabled()
+
+
+@pytest.mark.usefixtures("collector")
+async def test_the_collector_works_as_soon_as_the_port_is_open(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    async def opened(_self: uvicorn.Server, sockets: object = None) -> None:
+        assert not gc.isenabled()
+
+    monkeypatch.setattr(uvicorn.Server, "startup", opened)
+    app = FastAPI()
+    gc.disable()
+    await Server(uvicorn.Config(app), app, Settings(data=tmp_path)).startup()
+    assert gc.isenabled()
