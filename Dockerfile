@@ -7,11 +7,12 @@ RUN python -m venv /opt/build \
  && /opt/build/bin/pip install --no-cache-dir --require-hashes --only-binary :all: -r requirements/bootstrap.lock \
  && /opt/build/bin/uv pip install --no-cache --python /opt/build/bin/python --require-hashes --only-binary :all: -r requirements/run.lock
 COPY . .
-# Byte code is compiled here: the image is read-only, and every start would do it anew.
+# Byte code and templates are compiled here: the image is read-only, and every start would do it anew.
 RUN python -m venv --without-pip /opt/pogon \
  && PATH=/opt/build/bin:$PATH uv build --wheel --no-build-isolation --python /opt/build/bin/python --out-dir /dist . \
  && /opt/build/bin/uv pip install --no-cache --compile-bytecode --python /opt/pogon/bin/python --require-hashes --only-binary :all: -r requirements/app.lock \
- && /opt/build/bin/uv pip install --no-cache --compile-bytecode --python /opt/pogon/bin/python --no-deps /dist/*.whl
+ && /opt/build/bin/uv pip install --no-cache --compile-bytecode --python /opt/pogon/bin/python --no-deps /dist/*.whl \
+ && /opt/pogon/bin/python -m app.web.compile_templates
 
 FROM python:3.11-slim
 RUN useradd --system --uid 10001 --home-dir /data --shell /usr/sbin/nologin pogon \

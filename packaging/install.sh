@@ -10,4 +10,5 @@ found=$("${PYTHON:-python3}" -c 'import sys, sysconfig; print(f"python{sys.versi
 "${PYTHON:-python3}" -m venv "$target"
 "$target/bin/pip" install -q --no-index --find-links "$here/wheels" --require-hashes -r "$here/app.lock"
 "$target/bin/pip" install -q --no-index --no-deps "$here"/pogon-*.whl
+"$target/bin/python" -m app.web.compile_templates # now, since the account that runs it may not write there
 echo "Installed: $target/bin/pogon run"

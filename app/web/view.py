@@ -35,6 +35,7 @@ from app.web import format as fmt
 from app.web import typed_time
 from app.web.alarm_view import Drawing, marks_json
 from app.web.assets import Assets
+from app.web.compiled import FOLDER, OPTIONS, KeptCode
 from app.web.drawing import Scale
 from app.web.language import HTML, NAMES, YEAR, language_of
 from app.web.plain_screen import PlainScreen
@@ -112,9 +113,11 @@ class Message:
 
 
 class Compiled(BytecodeCache):
-    """What templates were compiled to. A language says nothing about that, so it is done once for all of them."""
+    """What templates were compiled to. A language says nothing about that, so it is done once for all of them, and for later starts."""
 
-    def __init__(self) -> None:
+    def __init__(self, kept: KeptCode | None = None) -> None:
+        """`kept`: also from one start to the next."""
+        self._kept = kept
         self._code: dict[tuple[str, str], CodeType | None] = {}
         self.ready: set[str] = set()
         """Templates of which everything that they name is compiled."""
@@ -123,12 +126,18 @@ class Compiled(BytecodeCache):
 
     def load_bytecode(self, bucket: Bucket) -> None:
         bucket.code = self._code.get((bucket.key, bucket.checksum))
+        if bucket.code is None and self._kept and (found := self._kept.read(bucket.key, bucket.checksum)):
+            names, code = found
+            self.names[code.co_filename] = names
+            self._code[bucket.key, bucket.checksum] = bucket.code = code
 
     def dump_bytecode(self, bucket: Bucket) -> None:
-        self._code[bucket.key, bucket.checksum] = bucket.code
+        self._code[bucket.key, bucket.checksum] = code = bucket.code
+        if self._kept and code is not None and code.co_filename in self.names:
+            self._kept.write(bucket.key, bucket.checksum, self.names[code.co_filename], code)
 
 
-COMPILED = Compiled()
+COMPILED = Compiled(KeptCode(FOLDER))
 
 
 class Drawn(HTMLResponse):
@@ -181,6 +190,18 @@ class Templates(Environment):
         if filename is not None:
             COMPILED.names[filename] = [other for other in meta.find_referenced_templates(source) if other]
         return super()._generate(source, name, filename, defer_init)
+
+
+def templates() -> Templates:
+    """Our templates, without what a language adds to them."""
+    return Templates(
+        loader=FileSystemLoader(bundled("templates")),
+        undefined=StrictUndefined,
+        auto_reload=False,
+        cache_size=-1,
+        bytecode_cache=COMPILED,
+        **OPTIONS,
+    )
 
 
 Around = Callable[[Request, str], Mapping[str, Any]]
@@ -253,16 +274,7 @@ class View:
         known = self._environments.get(lang)
         if known is not None and known[0] is texts:
             return known[1]
-        environment = Templates(
-            loader=FileSystemLoader(bundled("templates")),
-            autoescape=True,
-            undefined=StrictUndefined,
-            trim_blocks=True,
-            lstrip_blocks=True,
-            auto_reload=False,
-            cache_size=-1,
-            bytecode_cache=COMPILED,
-        )
+        environment = templates()
         environment.globals |= {
             "_": partial(texts.text, lang),
             "lang": lang,
