@@ -67,7 +67,6 @@ def run(
     ] = False,
 ) -> None:
     """Start the plant and its web server (settings are POGON_ variables, see README)."""
-    gc.disable()  # what is built at the start stays; web/serve.py lets the collector go once it stands
     settings = settings_or_exit(**({"serve_modbus": serve_modbus} if serve_modbus else {}))
     gc.disable()  # nearly all that a start builds stays; the collector walks it again and again, a tenth of the time until the first page
     try:

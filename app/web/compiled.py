@@ -25,7 +25,9 @@ from app import __version__
 FOLDER = Path(__file__).parent / "__pycache__" / "templates"
 OPTIONS: dict[str, Any] = {"autoescape": True, "trim_blocks": True, "lstrip_blocks": True}
 """What our templates are compiled with."""
-MAKER = repr((__version__, jinja2.__version__, sys.version, sys.flags.optimize, sorted(OPTIONS.items())))
+VIEW = hashlib.sha256((Path(__file__).parent / "view.py").read_bytes()).hexdigest()
+"""Of what says how templates are compiled, which changes between two versions as well."""
+MAKER = repr((__version__, VIEW, jinja2.__version__, sys.version, sys.flags.optimize, sorted(OPTIONS.items())))
 """Who compiled; what another one made is not taken."""
 DIGEST = hashlib.sha256().digest_size
 
