@@ -21,12 +21,15 @@ class DeviceClock:
         self._time = 0
         self._began = -inf
         self._stood = False
-        """Whether its clock, which counts its scans, stood still between the last two headers."""
+        """Whether its clock, which counts its scans, stood still when it was last looked at, as far as is known."""
         self._before: tuple[int, int, int] | None = None
         """Of the start before this one: last device time, offset, boot count."""
 
-    def header(self, words: Sequence[int], first: int, began: float, ended: float, wall: int) -> bool:
-        """Take header words from `first` on, read between `began` and `ended` [s, monotonic] when it was `wall` [µs UTC] at the end.
+    def header(
+        self, words: Sequence[int], first: int, began: float, ended: float, wall: int, *, halted: bool = False
+    ) -> bool:
+        """Take header words from `first` on, read between `began` and `ended` [s, monotonic] when it was `wall` [µs UTC] at the end;
+        `halted`: its program stood still, or was never seen to go round.
 
         Returns whether the device was restarted. Which answer is the later one, and how long it took, our wall clock does not say: it may
         have been set meanwhile.
@@ -42,8 +45,9 @@ class DeviceClock:
         restarted = self.boots is not None and (boots != self.boots or went_back)
         if restarted and self._offset is not None and self.boots is not None:
             # the first that the new start tells has the time at which the clock of the one before stood
-            self._before, self._offset = (self._time - self._stood, self._offset, self.boots), None
-        self._stood = not restarted and time == self._time and since > SCAN
+            stood = self._stood or halted
+            self._before, self._offset = (self._time - stood, self._offset, self.boots), None
+        self._stood = not restarted and (halted or (time == self._time and since > SCAN))
         self.boots, self._time = boots, time
         low, high = wall - took - time, wall - time
         if quality != TimeQuality.FREE:

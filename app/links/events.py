@@ -242,7 +242,7 @@ class EventReader:
         now = asyncio.get_running_loop().time
         began = now()
         words = await self._bus.read(self._station, Block(plc_map.HEADER + first, last - first + 1))
-        if self._clock.header(words, first, began, now(), self._bus.clock.micros()):
+        if self._clock.header(words, first, began, now(), self._bus.clock.micros(), halted=self._station.halted):
             self._suspect = True
 
     def _skip(self, to: int) -> None:

@@ -208,11 +208,12 @@ class PlcUnit:
         return list(found.values())
 
     def _header(self, words: Sequence[int], began: float, ended: float) -> None:
-        restarted = self.clock.header(words, 0, began, ended, self._bus.clock.micros())
+        station = self._station
+        stood = station.halted or not self._pulse.moved
+        restarted = self.clock.header(words, 0, began, ended, self._bus.clock.micros(), halted=stood)
         crc = words[plc_map.AT_CRC] << 16 | words[plc_map.AT_CRC + 1]
         changed, self.crc = self.crc is not None and crc != self.crc, crc
         self.minor = words[plc_map.AT_MINOR]
-        station = self._station
         if changed:
             log.warning("configuration of the device changed link=%s unit=%d crc=%#010x", *self._where, crc)
         if restarted:
@@ -220,10 +221,9 @@ class PlcUnit:
             self.events.restarted()
             self._bus.attend(station, self.orders.begin())
         if (restarted or changed) and station.state is LinkState.UP:
-            now = asyncio.get_running_loop().time()
             for block in station.blocks:
                 if block.period == inf:
-                    self._bus.schedule(block, now)
+                    self._bus.schedule(block, asyncio.get_running_loop().time())
 
     def _rows_seen(self, block: TableBlock, words: list[int], started: float) -> Seen:
         if not block.wanted:

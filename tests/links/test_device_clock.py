@@ -61,6 +61,14 @@ def test_a_wall_clock_that_is_set_hides_no_restart_and_moves_what_happens_then(s
     assert (clock.utc(10_000), clock.boot(10_000)) == (60_000_000 + ahead, 2)
 
 
+@pytest.mark.parametrize("halted", [False, True])
+def test_a_program_that_is_known_to_stand_needs_no_second_header_for_that(halted: bool) -> None:
+    clock = DeviceClock()
+    take(clock, header(1, 1_000_000), 50_000_000, 50_000_000)
+    assert clock.header(header(2, 1_010_000), 0, 58.01, 58.01, 58_010_000, halted=halted)
+    assert clock.utc(1_000_000) == (58_000_000 if halted else 50_000_000)
+
+
 @pytest.mark.parametrize("stood", [False, True])
 def test_the_first_event_of_a_start_after_a_standstill_is_none_of_the_start_before(stood: bool) -> None:
     """Its program stands, so does the clock that counts its scans; whoever switches it off and on begins at the time at which it stood."""
