@@ -182,7 +182,8 @@ def check(
         f"points: {len(plant.points)}, alarms: {alarms}, {_check_sums(plant)}languages: {', '.join(plant.languages)}"
     )
     passed = not tests or _tests_pass(plant)
-    if not passed or (strict and (warnings or idle)):
+    broken = any(screen.problems for screen in plant.screens.values())
+    if not passed or broken or (strict and (warnings or idle)):
         raise typer.Exit(1)
 
 

@@ -44,6 +44,7 @@ from app.web import (
     parameters,
     parts,
     plant,
+    plant_screens,
     records,
     sequence_editor,
     sequence_taking,
@@ -108,6 +109,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
     rooms = (
         overview,
         pages,
+        plant_screens,
         socket,
         alarm_filters,
         alarm_hiding,

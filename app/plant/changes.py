@@ -118,6 +118,8 @@ def _plant(old: Plant, new: Plant) -> list[Change]:
     details = [_detail(key, getattr(old, key), getattr(new, key)) for key in keys if _differs(old, new, key)]
     names = [name for name in {**old.lessons, **new.lessons} if old.lessons.get(name) != new.lessons.get(name)]
     details += [f"lessons: {', '.join(sorted(names))}"] if names else []
+    drawn = [name for name in {**old.screens, **new.screens} if old.screens.get(name) != new.screens.get(name)]
+    details += [f"screens: {', '.join(sorted(drawn))}"] if drawn else []
     effects: list[tuple[str, Mapping[str, str]]] = [("texts", {})]
     if old.timezone != new.timezone:
         effects.append(("timezone", {}))

@@ -12,6 +12,7 @@ from app.plant.actions import Action
 from app.plant.alarm_class import AlarmClass
 from app.plant.argument import Argument as Argument
 from app.plant.condition import Condition as Condition
+from app.plant.drawing import Part
 from app.plant.lesson_definition import Lesson
 from app.plant.picture import PictureData
 from app.plant.problems import Problem
@@ -547,6 +548,22 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
+class PlantScreen:
+    """A screen that the plant folder brings (plant_files/screens.py)."""
+
+    name: str
+    label: Texts
+    picture: Part | None
+    """None exactly when there are problems."""
+    problems: Sequence[Problem] = ()
+
+    @property
+    def tags(self) -> Sequence[str]:
+        """Names of the points that it shows, each once."""
+        return self.picture.tags if self.picture else ()
+
+
+@dataclass(frozen=True, slots=True)
 class Plant:
     """A plant folder, read."""
 
@@ -563,6 +580,7 @@ class Plant:
     lessons: Mapping[str, Lesson] = field(default_factory=dict)  # by name (plant/lessons.py)
     shifts: Sequence[int] = (6 * 60, 14 * 60, 22 * 60)  # when they begin [minutes of the local day]
     alarm_classes: Mapping[str, AlarmClass] = field(default_factory=dict)  # what it says of them itself
+    screens: Mapping[str, PlantScreen] = field(default_factory=dict)  # its own, by name (plant_files/screens.py)
     doubts: Sequence[Problem] = field(default=(), compare=False)  # what is no mistake in its files, and seldom meant
     records: Mapping[str, RecordKind] = field(init=False, compare=False)  # by name: no two types name a kind alike
 

@@ -15,6 +15,7 @@ from app.plant.plant_files.languages import PlantLanguages, languages, read_time
 from app.plant.plant_files.links import read_links
 from app.plant.plant_files.machines import MOST_MACHINES, MOST_POINTS, Machines
 from app.plant.plant_files.names import check_id
+from app.plant.plant_files.screens import read_screens
 from app.plant.plant_files.shifts import USUAL, read_shifts
 from app.plant.plant_files.types_used import TypesUsed
 from app.plant.problems import MoreProblems, Problem
@@ -114,9 +115,24 @@ class _PlantReader:
         named = tuple(self._languages.named)
         kinds, lessons = self._types.usable, self._lessons.found
         all = machines.found
-        doubts = (*self._source.doubts, *self._types.doubts)
+        screens, wrong = read_screens(self._folder, all, self._languages)
+        doubts = (*self._source.doubts, *self._types.doubts, *wrong)
         return Plant(
-            self._folder, name, timezone, named, areas, links, all, kinds, texts, flow, lessons, shifts, classes, doubts
+            self._folder,
+            name,
+            timezone,
+            named,
+            areas,
+            links,
+            all,
+            kinds,
+            texts,
+            flow,
+            lessons,
+            shifts,
+            classes,
+            screens,
+            doubts,
         )
 
     def _head(self, root: Table) -> tuple[dict[str, str], str, tuple[int, ...]]:

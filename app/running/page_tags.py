@@ -12,9 +12,9 @@ MOST_NAMED = 200
 
 
 def page_tags(kind: str, plant: Plant | None, known: Collection[str]) -> list[str]:
-    """Tags of a kind of page: `overview`, `equipment/<id>`, `faceplate/<id>`, `records/<kind>`, `forces`, `tags/<name>,…`; the frame's in
-    each. The overview has what its tiles draw (`tile` of device.toml). Cells of tables are on the page of their machine only; the page of
-    a sequence has the points of its machine, too, and that of a machine those of sequences that command it.
+    """Tags of a kind of page: `overview`, `equipment/<id>`, `faceplate/<id>`, `records/<kind>`, `forces`, `screens/<name>`,
+    `tags/<name>,…`; the frame's in each. The overview has what its tiles draw (`tile` of device.toml). Cells of tables are on the page of
+    their machine only; the page of a sequence has the points of its machine, too, and that of a machine those of sequences that command it.
 
     `known`: every tag that there is.
 
@@ -44,6 +44,8 @@ def _names(kind: str, plant: Plant, known: Collection[str]) -> list[str]:
             return [name for name in rest.split(",") if name in known][:MOST_NAMED]
         case "frame":
             return []
+        case "screens":
+            return list(plant.screens[rest].tags)
         case "forces":
             items = [item for item in plant.equipment.values() if item.type.interventions]
             names = [

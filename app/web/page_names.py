@@ -40,6 +40,7 @@ PAGES = {
     "/products": "records.title",
     "/records": "records.title",
     "/runs": "records.title",
+    "/screens": "nav.screens",
     "/simulation": "instructor.speed",
     "/storage": "storage.title",
     "/today": "today.title",

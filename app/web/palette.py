@@ -170,6 +170,8 @@ def _pages(texts: Texts, plant: Plant, lang: str) -> Iterator[Place]:
     for key, machines in areas(plant).items():
         if len(machines) > 1:
             yield Place("page", area_label(texts, plant, lang, key), "", address_of_area(key, machines))
+    for name, screen in plant.screens.items():
+        yield Place("page", texts.label(lang, screen.label), "", f"/screens/{name}")
     for key, url in (*PAGES, ("events.title", "/events")):
         yield Place("page", texts.text(lang, key), "", url)
     if plant.lessons:

@@ -364,6 +364,9 @@ class View:
         for key, machines in areas(plant).items():
             url = address_of_area(key, machines)
             tabs.append(Tab(area_label(texts, plant, lang, key), url, key == area, key))
+        for name, screen in plant.screens.items() if plant else ():
+            url = f"/screens/{name}"
+            tabs.append(Tab(texts.label(lang, screen.label), url, path == url))
         tabs += [Tab(texts.text(lang, key), url, _head(path) == url) for key, url in PAGES]
         return tabs
 

@@ -1,0 +1,106 @@
+"""`/screens/<name>`: a screen that the plant folder brings (app/plant/drawing.py), with live values, states and links to machines."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse
+from starlette.exceptions import HTTPException
+
+from app.plant.definitions import Plant
+from app.plant.drawing import Part
+from app.web.drawing import Knots
+from app.web.guard import allow
+from app.web.language import language_of
+from app.web.pages import plant_of, view_of
+from app.web.points import EquipmentView, PointView
+
+router = APIRouter()
+
+WIDTH, ABOVE = 240.0, 32.0
+"""Of the box of a value, and how much of it is above its baseline [user units]."""
+UNKNOWN = ("d-unknown", "bad")
+"""The class of a part whose value is not known, and when it has it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """What a part follows, as it is drawn."""
+
+    point: PointView
+    label: str
+    """Machine and point."""
+    show: str
+    """Also shown while the value is not known, then dashed: a part that vanished would say that it is not so."""
+    classes: tuple[tuple[str, str], ...]
+    place: float | None
+    """Where `map` puts it now; None while that is not known."""
+    spot: tuple[float, float]
+    """Left upper corner of the box of a value [user units]."""
+
+    @property
+    def worn(self) -> str:
+        """Classes that it has now."""
+        return " ".join(name for name, condition in self.classes if self.point.holds(condition))
+
+    @property
+    def rules(self) -> str:
+        """For `data-class`."""
+        return ";".join(f"{name}:{condition}" for name, condition in self.classes)
+
+
+@router.get("/screens/{name}", dependencies=[allow("view")])
+async def screen(request: Request, name: str) -> HTMLResponse:
+    """One of them; without a picture it says what is wrong with its file."""
+    plant, view = plant_of(request), view_of(request)
+    found = plant.screens.get(name)
+    if found is None:
+        raise HTTPException(404)
+    machines: dict[str, EquipmentView] = {}
+
+    def machine(id: str) -> EquipmentView:
+        if id not in machines:
+            machines[id] = view.machine(request, plant.equipment[id])
+        return machines[id]
+
+    return view.page(
+        request,
+        "pages/plant_screen.html",
+        title=view.runtime(request).texts.label(language_of(request), found.label),
+        kind=f"screens/{name}",
+        screen=found,
+        machine=machine,
+        bound=partial(_bound, plant, machine),
+    )
+
+
+def _bound(plant: Plant, machine: Callable[[str], EquipmentView], part: Part) -> Bound:
+    id, _, key = part.tag.partition(".")
+    drawn = machine(id)
+    point = drawn.point(key)
+    says_bad = "bad" in part.show.replace(" ", "").split(",")
+    show = part.show if says_bad or not part.show else f"{part.show},bad"
+    at = Knots(part.map).at(point.value) if part.map and point.usable and isinstance(point.value, int | float) else None
+    return Bound(
+        point,
+        f"{drawn.label} · {point.label}",
+        show,
+        (*part.classes, *(() if says_bad else (UNKNOWN,))),
+        at,
+        _spot(part),
+    )
+
+
+def _spot(part: Part) -> tuple[float, float]:
+    """From the place and the anchor of its text."""
+    x, y = (_first(part.attributes.get(key, "0")) for key in ("x", "y"))
+    anchor = part.attributes.get("text-anchor", "start")
+    return x - {"middle": WIDTH / 2, "end": WIDTH}.get(anchor, 0.0), y - ABOVE
+
+
+def _first(numbers: str) -> float:
+    """The first of some numbers; 0 where there is none."""
+    found = re.match(r"\s*(-?\d{1,9}(?:\.\d{1,9})?)", numbers, re.ASCII)
+    return float(found[1]) if found else 0.0

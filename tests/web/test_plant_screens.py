@@ -1,0 +1,101 @@
+"""Screens that a plant folder brings: drawn with the values of now, linked, and telling what is wrong with them."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app import bundled
+from app.plant.loader import read_plant
+from app.running.page_tags import page_tags
+from app.tags.quality import is_bad
+from tests.web.conftest import Start
+
+LABELS = {"hr": "Hala", "en": "Hall", "de": "Halle", "cs": "Hala"}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The demo plant, to be changed."""
+    return Path(shutil.copytree(bundled("plants/demo"), tmp_path / "plant"))
+
+
+@pytest.mark.parametrize("lang", LABELS)
+def test_the_screen_of_the_demo_is_a_tab_and_is_found_in_every_language(client: TestClient, lang: str) -> None:
+    client.cookies.set("pogon_lang", lang)
+    page = client.get("/screens/hall")
+    assert page.status_code == 200
+    assert f'<a href="/screens/hall" aria-current="page">{LABELS[lang]}</a>' in page.text
+    assert "/screens/hall" in client.get("/palette/found", params={"q": LABELS[lang]}).text
+
+
+def test_a_value_is_drawn_as_every_value_and_a_part_leads_to_its_machine(client: TestClient) -> None:
+    text = client.get("/screens/hall").text
+    assert 'data-tag="m1.speed" data-q="' in text and 'class="val bare"' in text
+    assert '<a href="/equipment/m1" aria-label="' in text
+    assert "<script>" not in text.partition('class="panel drawn"')[2].partition("</section>")[0]
+
+
+def test_its_socket_is_sent_its_tags_and_no_others() -> None:
+    plant, problems = read_plant(bundled("plants/demo"))
+    assert plant is not None and not problems and not plant.screens["hall"].problems
+    names = page_tags("screens/hall", plant, plant.points)
+    assert {"m1.speed", "cc1.coil_on_car"} <= set(names) and "m1.voltage" not in names
+    with pytest.raises(KeyError):
+        page_tags("screens/none", plant, plant.points)
+
+
+def test_there_is_no_other_screen(client: TestClient) -> None:
+    assert client.get("/screens/none").status_code == 404
+
+
+def test_a_broken_screen_says_what_is_wrong_and_everything_else_runs(start: Start, folder: Path) -> None:
+    (folder / "screens" / "bad.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9">\n<script/><text data-tag="m1.sped"/></svg>', "utf-8"
+    )
+    client = start(folder)
+    page = client.get("/screens/bad")
+    assert page.status_code == 200
+    assert "screens/bad.svg:2" in page.text and "m1.speed" in page.text and "&lt;script&gt;" in page.text
+    assert client.get("/screens/hall").status_code == client.get("/equipment/m1").status_code == 200
+
+
+def test_what_is_not_known_is_drawn_as_such_and_never_left_out(start: Start, folder: Path) -> None:
+    (folder / "screens" / "one.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><rect data-tag="m1.running" data-show="1" data-class="d-run:1"/>'
+        '<circle data-tag="m1.running" data-show="bad"/><text data-tag="m1.speed"/></svg>', "utf-8"
+    )  # fmt: skip
+    client = start(folder)
+    text = client.get("/screens/one").text
+    assert 'data-class="d-run:1;d-unknown:bad" data-show="1,bad"' in text
+    tags = client.app.state.runtime.tags  # type: ignore[attr-defined]
+    bad = is_bad(tags.sample("m1.running").quality) or tags.value(tags.handle("m1.running")) is None
+    assert ('d-unknown" data-tag' in text) == bad
+    assert '<circle class=" " data-tag="m1.running" data-show="bad"' in text
+
+
+def test_a_pipe_a_link_out_of_the_folder_and_a_huge_file_are_told(folder: Path, tmp_path: Path) -> None:
+    import os
+
+    os.mkfifo(folder / "screens" / "pipe.svg")
+    (tmp_path / "secret.svg").write_text("secret", "utf-8")
+    (folder / "screens" / "out.svg").symlink_to(tmp_path / "secret.svg")
+    (folder / "screens" / "huge.svg").write_bytes(b" " * 600_000)
+    plant, problems = read_plant(folder)
+    assert plant is not None and not problems
+    told = {name: str(screen.problems[0]) for name, screen in plant.screens.items() if screen.problems}
+    assert set(told) == {"pipe", "out", "huge"}
+    assert "a pipe" in told["pipe"] and "leads out" in told["out"] and "600000 bytes" in told["huge"]
+
+
+def test_another_drawing_is_a_change_that_a_reload_takes(folder: Path) -> None:
+    from app.plant.changes import compare
+
+    old, _ = read_plant(folder)
+    file = folder / "screens" / "hall.svg"
+    file.write_text(file.read_text("utf-8").replace('r="52"', 'r="50"'), "utf-8")
+    new, _ = read_plant(folder)
+    assert old is not None and new is not None
+    assert [change.details for change in compare(old, new)] == [("screens: hall",)]
+    assert compare(new, new) == []
