@@ -97,14 +97,26 @@ GEOMETRY = frozenset(
 IGNORED = frozenset({"version", "baseProfile", "enable-background", "xml:space"})
 CLASSES = ("d-line", "d-body", "d-inset", "d-text", "d-quiet", "d-run", "d-alarm", "d-warn")
 """What a drawing may ask of our tokens (static/css/screens/drawn.css); other classes are left out."""
-BINDINGS = ("data-tag", "data-show", "data-class", "data-map", "data-move", "data-turn", "data-href")
+BINDINGS = (
+    "data-tag",
+    "data-show",
+    "data-class",
+    "data-map",
+    "data-move",
+    "data-turn",
+    "data-href",
+    "data-name",
+    "data-alarm",
+)
 ID = re.compile(r"[A-Za-z_][\w.:-]{0,80}", re.ASCII)
 PLAIN = re.compile(r"[\w\s.,%#()+-]{0,400}", re.ASCII)
 LOCAL = re.compile(r"url\(\s*[\"']?#([A-Za-z_][\w.:-]{0,80})[\"']?\s*\)", re.ASCII)
 SHAPE = re.compile(r"[\w\s.,%()+-]*", re.ASCII)
 NUMBER = r"-?\d{1,9}(?:\.\d{1,9})?"
-CONDITION = re.compile(rf"(?:bad|[<>]?{NUMBER})(?:\s*,\s*(?:bad|[<>]?{NUMBER}))*", re.ASCII)
+ONE = rf"(?:bad|uncertain|[<>]?{NUMBER})"
+CONDITION = re.compile(rf"{ONE}(?:\s*,\s*{ONE})*", re.ASCII)
 MAP = re.compile(rf"{NUMBER}:{NUMBER}(?: {NUMBER}:{NUMBER}){{1,31}}", re.ASCII)
+OF_MACHINE = {"data-name", "data-alarm"}
 OWN = "drawn-"
 """Before every id, so that none is one of the page's."""
 
@@ -129,6 +141,10 @@ class Part:
     """`x y`: the centre."""
     href: str = ""
     """Id of the machine to which it leads."""
+    machine: str = ""
+    """Id of the machine whose name, or whose sign of an alarm, stands here."""
+    is_alarm: bool = False
+    """The sign, not the name."""
 
     @property
     def is_value(self) -> bool:
@@ -310,10 +326,11 @@ class _Reader:
             if href not in self._machines:
                 self._note(place + "data-href", href, _choice(href, self._machines))
             part.href = href
+        self._of_machine(part, place, bound)
         ways = [key for key in ("data-show", "data-class", "data-map") if key in bound]
         tag = bound.get("data-tag")
         if tag is None:
-            for key in bound.keys() - {"data-href"}:
+            for key in bound.keys() - {"data-href", *OF_MACHINE}:
                 self._note(place + key, bound[key], said("mistake.only_beside", key="data-tag"))
             return
         if tag not in self._points:
@@ -332,6 +349,15 @@ class _Reader:
                 self._condition(place + "data-class", condition)
             part.classes = tuple((name, condition) for name, condition in pairs)
         self._moving(part, place, bound)
+
+    def _of_machine(self, part: Part, place: str, bound: Mapping[str, str]) -> None:
+        """A text may be the name of a machine, or the sign of its most important alarm; then it is nothing else."""
+        for key in OF_MACHINE & bound.keys():
+            if part.name != "text" or len(bound) > 1 + ("data-href" in bound):
+                self._note(place + key, bound[key], said("mistake.drawing_alone"))
+            elif bound[key] not in self._machines:
+                self._note(place + key, bound[key], _choice(bound[key], self._machines))
+            part.machine, part.is_alarm = bound[key], key == "data-alarm"
 
     def _moving(self, part: Part, place: str, bound: Mapping[str, str]) -> None:
         road, move, turn = bound.get("data-map"), bound.get("data-move"), bound.get("data-turn")
@@ -372,7 +398,7 @@ class _Reader:
                 total += len(inside)
                 if total > MOST_ELEMENTS:
                     self._refuse(place, f"#{aim}", said("mistake.drawing_elements", most=MOST_ELEMENTS))
-                if any(one.name == "use" or one.tag or one.href for one in inside):
+                if any(one.name == "use" or one.tag or one.href or one.machine for one in inside):
                     self._note(place, f"#{aim}", said("mistake.drawing_use"), part.line)
         parts = list(self._root.all())
         if len({part.tag for part in parts if part.tag}) > MOST_TAGS:

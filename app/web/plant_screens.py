@@ -19,10 +19,16 @@ from app.web.points import EquipmentView, PointView
 
 router = APIRouter()
 
-WIDTH, ABOVE = 240.0, 32.0
-"""Of the box of a value, and how much of it is above its baseline [user units]."""
+WIDTH, HEIGHT = 240.0, 44.0
+"""Of the box of a value, which stands at its bottom [user units]."""
+BELOW = 0.24
+"""Of the size of its letters, what lies below their baseline."""
+PLAIN_SIZE = "16"
+"""Of letters, where the drawing says nothing."""
 UNKNOWN = ("d-unknown", "bad")
 """The class of a part whose value is not known, and when it has it."""
+OLD = ("d-old", "uncertain")
+"""Of one whose value may not be so any more: it stays as it was, with a broken outline."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +79,7 @@ async def screen(request: Request, name: str) -> HTMLResponse:
         screen=found,
         machine=machine,
         bound=partial(_bound, plant, machine),
+        spot=_spot,
     )
 
 
@@ -87,7 +94,7 @@ def _bound(plant: Plant, machine: Callable[[str], EquipmentView], part: Part) ->
         point,
         f"{drawn.label} · {point.label}",
         show,
-        (*part.classes, *(() if says_bad else (UNKNOWN,))),
+        (*part.classes, *(() if says_bad else (UNKNOWN,)), OLD),
         at,
         _spot(part),
     )
@@ -97,7 +104,8 @@ def _spot(part: Part) -> tuple[float, float]:
     """From the place and the anchor of its text."""
     x, y = (_first(part.attributes.get(key, "0")) for key in ("x", "y"))
     anchor = part.attributes.get("text-anchor", "start")
-    return x - {"middle": WIDTH / 2, "end": WIDTH}.get(anchor, 0.0), y - ABOVE
+    below = BELOW * _first(part.attributes.get("font-size", PLAIN_SIZE))
+    return x - {"middle": WIDTH / 2, "end": WIDTH}.get(anchor, 0.0), y - HEIGHT + below
 
 
 def _first(numbers: str) -> float:

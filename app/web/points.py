@@ -156,7 +156,7 @@ class PointView:
         return fmt.span(*pair, decimals, self.lang)
 
     def holds(self, condition: str) -> bool:
-        """The small conditions of `data-show` and `data-class`: `1,2`, `>0`, `<0`, `bad`; any of them suffices."""
+        """The small conditions of `data-show` and `data-class`: `1,2`, `>0`, `<0`, `bad`, `uncertain` (stale, too); one suffices."""
         parts = [part.strip() for part in condition.split(",")]
         if self.state in ("bad", "none") or not isinstance(self.value, int | float):
             return "bad" in parts
@@ -166,6 +166,8 @@ class PointView:
             if part[0] == ">"
             else value < float(part[1:])
             if part[0] == "<"
+            else self.state != "good"
+            if part == "uncertain"
             else value == float(part)
             for part in parts
             if part != "bad"

@@ -2,7 +2,7 @@
 //   data-tag          name of the tag; alone on a text: number, unit and quality as app/web/points.py draws them
 //   data-as           number | enum | time | hex | duration | text; data-decimals, data-texts (value → text), data-pattern, data-bad
 //   data-map          "value:place …": with data-move (x | y), data-turn (centre), data-fill (x | y) on an SVG group
-//   data-show         "1,2" | ">0" | "<0" | "bad": shown while it holds; data-class "name:condition;…"
+//   data-show         "1,2" | ">0" | "<0" | "bad" | "uncertain" (a stale one is): shown while it holds; data-class "name:condition;…"
 //   data-signal       the value as the page was made; when it changes, the element dispatches `signal`
 //   data-tags         "name name …" instead of data-tag: nothing is drawn; when some changed, the element dispatches `tags` once, with what
 //                     is known of them by key: {head: {value, state, quality, source}, …}; by name where machines share a key;
@@ -68,7 +68,7 @@ function holds(condition, tag) {
   const parts = condition.split(",").map((part) => part.trim());
   if (tag.state === "bad" || tag.state === "none" || typeof tag.value !== "number") return parts.includes("bad");
   return parts.some((part) => part !== "bad" && (part[0] === ">" ? tag.value > +part.slice(1)
-    : part[0] === "<" ? tag.value < +part.slice(1) : tag.value === +part));
+    : part[0] === "<" ? tag.value < +part.slice(1) : part === "uncertain" ? tag.state !== "good" : tag.value === +part));
 }
 
 // ---- what is drawn --------------------------------------------------------------------------------------------

@@ -44,7 +44,7 @@ STATES = {
     "simulated": q.GOOD | Origin.SIMULATED,
 }
 CONTENT = """
-{% from "macros/value.html" import value, plain %}{% from "macros/indicators.html" import gauge, mai, spark, shown %}
+{% from "macros/value.html" import value, plain %}{% from "macros/indicators.html" import gauge, mai, spark, shown, worn %}
 {% from "screens/eura_e800/symbol.html" import motor %}{% from "macros/drive.html" import values with context %}
 <main id="content" class="content">
 {% set status, setpoint = equipment.status, equipment.frequency_setpoint %}
@@ -53,6 +53,8 @@ CONTENT = """
 <p>{{ plain(status, bad=_("live.no_communication")) }} {{ plain(status, hexadecimal=true) }}</p>
 <p>{{ plain(equipment.state_since, pattern=_("live.since")) }} {{ motor(equipment) }}</p>
 <p>{{ gauge(equipment.speed, [(setpoint, 30, status, "0,1"), (setpoint, -30, status, "2")]) }}</p>
+<p><b data-tag="{{ status.name }}" data-class="d-unknown:bad;d-old:uncertain"
+  class="{{ worn(status, 'd-unknown', 'bad') }}{{ worn(status, 'd-old', 'uncertain') }}"></b></p>
 {{ values(equipment, ["speed", "frequency", "current", "voltage", "power", "torque", "heatsink_temperature"], {"frequency": setpoint}) }}
 </main>
 """

@@ -1,23 +1,44 @@
-"""A screen of the plant's own in a browser: its values live, what a broken line takes away, its links by keyboard."""
+"""A screen of the plant's own in a browser: its values live, what a trip and a pulled cable show, its links by keyboard."""
 
 from collections.abc import Callable
 
 from playwright.sync_api import Page, expect
 
-from tests.conftest import PogonServer
+from app import bundled
+from app.sim.training import REG_LINE_FAULT, REG_MACHINE_FAULT
+from tests.browser.station import write
+from tests.conftest import PogonServer, find_port
 
 
-def test_a_value_lives_a_part_leads_to_its_machine_and_a_lost_server_is_told(
+def test_a_picture_shows_what_its_machines_do_and_what_nobody_knows(
     page: Page, pogon_server: Callable[..., PogonServer]
 ) -> None:
-    server = pogon_server()
+    modbus = find_port()
+    server = pogon_server(plant=bundled("plants/hall"), serve_modbus=f"127.0.0.1:{modbus}")
     page.goto(f"{server.url}/screens/hall")
     expect(page.locator("body")).to_have_attribute("data-live", "live")
-    speed = page.locator('.drawn [data-tag="m1.speed"]')
+    speed, fan = (
+        page.locator(f'.drawn {kind}[data-tag="m1.{key}"]') for kind, key in ((".val", "speed"), ("circle", "running"))
+    )
     expect(speed).to_have_attribute("data-q", "good")
     expect(speed.locator("i")).to_be_visible()
-    before = page.locator('.drawn [data-tag="c1.products"] b').inner_text()
-    expect(page.locator('.drawn [data-tag="c1.products"] b')).not_to_have_text(before, timeout=60_000)
+    expect(fan).to_have_class("d-body d-run")
+
+    sign = page.locator('.drawn [data-mark-of="m1"] svg')
+    expect(sign).to_have_count(0)
+    write(modbus, 1, REG_MACHINE_FAULT, 13)
+    expect(sign).to_be_visible()
+    expect(fan).to_have_class("d-body")
+
+    write(modbus, 2, REG_LINE_FAULT, 3)  # unit 2 is silent
+    other, lost = page.locator('.drawn circle[data-tag="m2.running"]'), page.locator('.drawn .val[data-tag="m2.speed"]')
+    expect(lost).to_have_attribute("data-q", "bad")
+    expect(lost.locator("b")).to_have_text("----")
+    expect(other).to_have_class("d-body d-unknown")
+    write(modbus, 2, REG_LINE_FAULT, 0)
+    expect(other).to_have_class("d-body")
+    expect(lost).to_have_attribute("data-q", "good")
+
     link = page.locator('.drawn a[href="/equipment/m1"]')
     link.focus()
     page.keyboard.press("Enter")

@@ -125,8 +125,21 @@ def test_whatever_becomes_of_a_drawing_nothing_but_what_is_allowed_is_left() -> 
 def test_the_first_screen_of_the_documentation_has_no_mistake() -> None:
     page = (Path(__file__).resolve().parents[2] / "docs" / "screens.md").read_text("utf-8")
     drawing = page.partition("```xml\n")[2].partition("```")[0]
-    points = ("m1.running", "m1.faulted", "m1.speed", "m1.status")
+    points = ("m1.running", "m1.speed", "m1.status")
     drawn = read_drawing(drawing.encode(), "screens/fan.svg", points, MACHINES)
     assert drawn.problems == drawn.doubts == () and drawn.picture is not None
     assert set(drawn.picture.tags) == set(points)
     assert all(f"`{name}`" in page for name in CLASSES) and all(name in page for name in ELEMENTS)
+
+
+@pytest.mark.parametrize("key", ["data-name", "data-alarm"])
+def test_the_name_or_the_alarm_of_a_machine_is_a_text_of_its_own(key: str) -> None:
+    def problems(inside: str) -> list[str]:
+        return [str(problem) for problem in read(inside).problems]
+
+    drawn = read(f'<g data-href="m1"><text x="3" {key}="m1"/></g>')
+    part = next(one for one in drawn.picture.all() if one.machine) if drawn.picture else None
+    assert part is not None and (part.machine, part.is_alarm, part.tag) == ("m1", key == "data-alarm", "")
+    assert any('"m3"' in told and "m1" in told for told in problems(f'<text {key}="m3"/>'))
+    for wrong in (f'<g {key}="m1"/>', f'<text {key}="m1" data-tag="m1.speed"/>'):
+        assert problems(wrong), wrong

@@ -1,6 +1,7 @@
 """Screens that a plant folder brings: drawn with the values of now, linked, and telling what is wrong with them."""
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,20 +10,36 @@ from fastapi.testclient import TestClient
 from app import bundled
 from app.plant.loader import read_plant
 from app.running.page_tags import page_tags
+from app.settings import Settings
 from app.tags.quality import is_bad
+from tests.virtual import house
 from tests.web.conftest import Start
 
+HALL = bundled("plants/hall")
 LABELS = {"hr": "Hala", "en": "Hall", "de": "Halle", "cs": "Hala"}
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """The demo plant, to be changed."""
-    return Path(shutil.copytree(bundled("plants/demo"), tmp_path / "plant"))
+    """The plant with a hall, to be changed."""
+    return Path(shutil.copytree(HALL, tmp_path / "plant"))
+
+
+@pytest.fixture(scope="module")
+def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    with house(Settings(plant=HALL, data=tmp_path_factory.mktemp("hall") / "data")) as browser:
+        yield browser
+
+
+@pytest.fixture
+def client(hall: TestClient) -> TestClient:
+    """A browser at the plant with a hall, without cookies."""
+    hall.cookies.clear()
+    return hall
 
 
 @pytest.mark.parametrize("lang", LABELS)
-def test_the_screen_of_the_demo_is_a_tab_and_is_found_in_every_language(client: TestClient, lang: str) -> None:
+def test_the_screen_is_a_tab_and_is_found_in_every_language(client: TestClient, lang: str) -> None:
     client.cookies.set("pogon_lang", lang)
     page = client.get("/screens/hall")
     assert page.status_code == 200
@@ -37,11 +54,22 @@ def test_a_value_is_drawn_as_every_value_and_a_part_leads_to_its_machine(client:
     assert "<script>" not in text.partition('class="panel drawn"')[2].partition("</section>")[0]
 
 
+@pytest.mark.parametrize("lang", LABELS)
+def test_the_name_of_a_machine_is_in_the_language_of_the_page(client: TestClient, lang: str) -> None:
+    plant, _ = read_plant(HALL)
+    assert plant is not None
+    client.cookies.set("pogon_lang", lang)
+    text = client.get("/screens/hall").text
+    for machine in ("m1", "m2", "c1", "cr1"):
+        assert f">{plant.equipment[machine].label[lang]}</text>" in text
+        assert f'data-mark-of="{machine}" data-look="alm-l"' in text
+
+
 def test_its_socket_is_sent_its_tags_and_no_others() -> None:
-    plant, problems = read_plant(bundled("plants/demo"))
+    plant, problems = read_plant(HALL)
     assert plant is not None and not problems and not plant.screens["hall"].problems
     names = page_tags("screens/hall", plant, plant.points)
-    assert {"m1.speed", "cc1.coil_on_car"} <= set(names) and "m1.voltage" not in names
+    assert {"m1.speed", "cr1.trolley_position"} <= set(names) and "m1.voltage" not in names
     with pytest.raises(KeyError):
         page_tags("screens/none", plant, plant.points)
 
@@ -68,11 +96,11 @@ def test_what_is_not_known_is_drawn_as_such_and_never_left_out(start: Start, fol
     )  # fmt: skip
     client = start(folder)
     text = client.get("/screens/one").text
-    assert 'data-class="d-run:1;d-unknown:bad" data-show="1,bad"' in text
+    assert 'data-class="d-run:1;d-unknown:bad;d-old:uncertain" data-show="1,bad"' in text
     tags = client.app.state.runtime.tags  # type: ignore[attr-defined]
     bad = is_bad(tags.sample("m1.running").quality) or tags.value(tags.handle("m1.running")) is None
     assert ('d-unknown" data-tag' in text) == bad
-    assert '<circle class=" " data-tag="m1.running" data-show="bad"' in text
+    assert '<circle class=" " data-tag="m1.running" data-class="d-old:uncertain" data-show="bad"' in text
 
 
 def test_a_pipe_a_link_out_of_the_folder_and_a_huge_file_are_told(folder: Path, tmp_path: Path) -> None:
@@ -94,7 +122,7 @@ def test_another_drawing_is_a_change_that_a_reload_takes(folder: Path) -> None:
 
     old, _ = read_plant(folder)
     file = folder / "screens" / "hall.svg"
-    file.write_text(file.read_text("utf-8").replace('r="52"', 'r="50"'), "utf-8")
+    file.write_text(file.read_text("utf-8").replace('r="58"', 'r="50"'), "utf-8")
     new, _ = read_plant(folder)
     assert old is not None and new is not None
     assert [change.details for change in compare(old, new)] == [("screens: hall",)]

@@ -98,3 +98,22 @@ def test_conditions_of_a_picture(value: float, condition: str, holds: bool) -> N
     assert hall.view().holds(condition) is holds
     hall.publish(value, q.COMM_FAILURE)
     assert hall.view().holds(condition) is ("bad" in condition)
+
+
+@pytest.mark.parametrize(
+    ("quality", "holds"),
+    [
+        (q.GOOD, False),
+        (q.GOOD | Origin.FORCED, False),
+        (q.OUT_OF_RANGE, True),
+        (q.STALE, True),
+        (q.HALTED, True),
+        (q.COMM_FAILURE, False),
+        (q.NO_DATA, False),
+    ],
+)
+def test_what_may_not_be_so_any_more_holds_as_uncertain(quality: int, holds: bool) -> None:
+    hall = Hall()
+    hall.publish(1.0, quality)
+    assert hall.view().holds("uncertain") is holds
+    assert hall.view().holds("7,uncertain") is holds
