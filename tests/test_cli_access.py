@@ -6,6 +6,7 @@ import io
 import os
 import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -96,7 +97,7 @@ def test_a_second_factor_is_listed_and_reset(pogon: Pogon, tmp_path: Path) -> No
     pogon("user", "add", "ana")
     assert pogon("user", "factor-reset", "ana").stderr == "pogon: There is no second factor.\n"
     assert pogon("user", "factor-reset", "nobody").exit_code == 2
-    with sqlite3.connect(tmp_path / "data" / "pogon.db") as connection:
+    with closing(sqlite3.connect(tmp_path / "data" / "pogon.db")) as connection, connection:
         connection.execute("INSERT INTO factor VALUES (1, '', 0, 0)")
         connection.execute("INSERT INTO recovery_code VALUES (1, 'x')")
     connection.close()
@@ -104,7 +105,7 @@ def test_a_second_factor_is_listed_and_reset(pogon: Pogon, tmp_path: Path) -> No
     reset = pogon("user", "factor-reset", " ANA")
     assert (reset.exit_code, "is reset" in reset.output) == (0, True)
     assert "2nd factor" not in pogon("user", "list").output
-    with sqlite3.connect(tmp_path / "data" / "pogon.db") as connection:
+    with closing(sqlite3.connect(tmp_path / "data" / "pogon.db")) as connection, connection:
         assert connection.execute("SELECT count(*) FROM recovery_code").fetchone() == (0,)
         line = connection.execute("SELECT person, object FROM audit WHERE kind = 'factor.reset'").fetchone()
     connection.close()

@@ -174,7 +174,7 @@ def no_database(data: Path, _tmp: Path) -> dict[str, object]:
 
 
 def torn_database(data: Path, _tmp: Path) -> dict[str, object]:
-    with sqlite3.connect(data / "history.db") as connection:
+    with closing(sqlite3.connect(data / "history.db")) as connection, connection:
         connection.execute("PRAGMA journal_mode=DELETE")
     connection.close()
     content = bytearray((data / "history.db").read_bytes())

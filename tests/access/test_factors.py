@@ -5,6 +5,7 @@ import json
 import shutil
 import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -782,7 +783,7 @@ def filled(tmp_path: Path) -> Path:
     """A data folder as the version before left it."""
     folder = tmp_path / "filled"
     folder.mkdir(mode=0o700)
-    with sqlite3.connect(folder / "pogon.db") as connection:
+    with closing(sqlite3.connect(folder / "pogon.db")) as connection, connection:
         connection.executescript((FILLED / "pogon.sql").read_text("utf-8"))
     connection.close()
     for name in ("audit.key", "audit.head", "audit.anchors", "secret.key"):
@@ -797,14 +798,14 @@ async def test_a_database_of_before_loses_nothing_and_takes_factors(
 ) -> None:
     known = json.loads((FILLED / "known.json").read_text())
     tables = ("person", "person_role", "session", "token", "audit")
-    with sqlite3.connect(filled / "pogon.db") as before:
+    with closing(sqlite3.connect(filled / "pogon.db")) as before, before:
         rows = {table: before.execute(f"SELECT * FROM {table}").fetchall() for table in tables}
         assert before.execute("SELECT version_num FROM alembic_version").fetchall() == [("0004",)]
     before.close()
     clock.advance(120)
     access = open_access(filled)
     access.people._db.migrate()
-    with sqlite3.connect(filled / "pogon.db") as after:
+    with closing(sqlite3.connect(filled / "pogon.db")) as after, after:
         assert {table: after.execute(f"SELECT * FROM {table}").fetchall() for table in tables} == rows
         assert after.execute("PRAGMA foreign_key_check").fetchall() == []
     after.close()

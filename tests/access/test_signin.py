@@ -1,6 +1,7 @@
 """Letting people in: the first account, passwords, what is said of a failure, and how guessing is slowed down."""
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -178,7 +179,7 @@ async def test_an_old_hash_is_renewed_when_its_owner_signs_in(open_access: OpenA
     await add(open_access(), "ana")
     access = open_access(cost=Cost(passes=2, memory=64, lanes=1))
     await enter(access, "ana")
-    with sqlite3.connect(data / "pogon.db") as db:
+    with closing(sqlite3.connect(data / "pogon.db")) as db, db:
         assert ",t=2," in db.execute("select password from person").fetchone()[0]
     db.close()
     assert await enter(access, "ana")

@@ -1,6 +1,7 @@
 """Fixtures that these tests share."""
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ def data(tmp_path: Path) -> Path:
     prepare(folder)
     with _access(folder) as access:
         access.people.add_now(SYSTEM, [("ana", "Ana", ("operator",)), ("ivo", "Ivo", ("engineer",))])
-    with sqlite3.connect(folder / "pogon.db") as connection:
+    with closing(sqlite3.connect(folder / "pogon.db")) as connection, connection:
         connection.execute("INSERT INTO session VALUES ('5ec2e7', 1, 1, 1, 1, 'here', 'me')")
     connection.close()
     history = Database(folder / "history.db", "history", inline)

@@ -46,7 +46,7 @@ def test_a_restored_machine_is_as_it_was(data: Path, plant: Path, tmp_path: Path
     assert manifest.counts["history.db"]["sample"] == 500
     with _access(fresh) as access:
         assert access.audit.check_now().ok
-    with sqlite3.connect(fresh / "pogon.db") as connection:
+    with closing(sqlite3.connect(fresh / "pogon.db")) as connection, connection:
         assert [row[0] for row in connection.execute("SELECT name FROM person ORDER BY name")] == ["ana", "ivo"]
     connection.close()
     assert list(tmp_path.glob("**/.pogon-*")) == []
@@ -66,7 +66,7 @@ def test_a_restored_link_does_not_write_and_nobody_is_signed_in(data: Path, plan
 def test_what_was_there_is_moved_aside(data: Path, plant: Path, tmp_path: Path) -> None:
     archive = tmp_path / "b.tar"
     back_up(archive, data, plant)
-    with sqlite3.connect(data / "pogon.db") as connection:
+    with closing(sqlite3.connect(data / "pogon.db")) as connection, connection:
         connection.execute("DELETE FROM person")
     connection.close()
     restore(archive, data)
