@@ -87,6 +87,27 @@ def test_nothing_is_cut_between_these_sizes(abnormal: Page) -> None:
     assert found == [], "\n".join(["", *found])
 
 
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_the_name_of_any_step_that_runs_is_whole(abnormal: Page, lang: str) -> None:
+    """It is heavy then, and longer; which one runs is a matter of the moment, so all of them are drawn so at once."""
+    speak(abnormal, lang, origin(abnormal))
+    open_page(abnormal, f"{origin(abnormal)}/equipment/seq1")
+    found: list[str] = []
+    for name, (width, height) in {
+        "a desk": (1280, 800),
+        "a panel": (800, 480),
+        "a phone": (390, 844),
+        **BETWEEN,
+    }.items():
+        lay_out(abnormal, width, height, "panel-9" if name == "a panel" else "desk")
+        rows = abnormal.evaluate(
+            "() => [...document.querySelectorAll('.seqt [data-row-step]')].map((row) => row.setAttribute('aria-selected', 'true')).length"
+        )
+        assert rows == 8
+        found += [f"{name}: {one}" for one in abnormal.evaluate(FAULTS) if "q-name" in one]
+    assert found == [], "\n".join(["", *found])
+
+
 @pytest.mark.parametrize("lang", ["hr", "de"])
 def test_a_panel_of_ten_inches_shows_all_of_a_page_without_pushing_it_aside(abnormal: Page, lang: str) -> None:
     speak(abnormal, lang, origin(abnormal))
