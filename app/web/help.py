@@ -18,7 +18,7 @@ OTHER = "other"
 PAGES = frozenset(
     {
         *("trends", "alarms", "events", "records", "communication", "forces", "storage", "plant", "instructor"),
-        *("audit", "users", "tokens", "account", "lessons", "area"),
+        *("audit", "users", "tokens", "account", "lessons", "area", "screens"),
     }
 )
 """Pages that have a help of their own, by the first part of their address."""

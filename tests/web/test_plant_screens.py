@@ -11,7 +11,7 @@ from app import bundled
 from app.plant.loader import read_plant
 from app.running.page_tags import page_tags
 from app.settings import Settings
-from app.tags.quality import is_bad
+from app.sim.bus import LineFaultMode
 from tests.virtual import house
 from tests.web.conftest import Start
 
@@ -95,12 +95,18 @@ def test_what_is_not_known_is_drawn_as_such_and_never_left_out(start: Start, fol
         '<circle data-tag="m1.running" data-show="bad"/><text data-tag="m1.speed"/></svg>', "utf-8"
     )  # fmt: skip
     client = start(folder)
+    sim = client.app.state.runtime.sim  # type: ignore[attr-defined]
+    sim.devices["m1"].line_fault.mode = LineFaultMode.SILENT
+    client.pass_time(3)  # type: ignore[attr-defined]
     text = client.get("/screens/one").text
-    assert 'data-class="d-run:1;d-unknown:bad;d-old:uncertain" data-show="1,bad"' in text
-    tags = client.app.state.runtime.tags  # type: ignore[attr-defined]
-    bad = is_bad(tags.sample("m1.running").quality) or tags.value(tags.handle("m1.running")) is None
-    assert ('d-unknown" data-tag' in text) == bad
-    assert '<circle class=" " data-tag="m1.running" data-class="d-old:uncertain" data-show="bad"' in text
+    follows = 'data-tag="m1.running" data-class="d-run:1;d-unknown:bad;d-old:uncertain" data-show="1,bad">'
+    assert f'<rect class=" d-unknown" {follows}' in text
+    assert '<circle class=" " data-tag="m1.running" data-class="d-old:uncertain" data-show="bad">' in text
+    sim.devices["m1"].line_fault.mode = LineFaultMode.NONE
+    client.pass_time(5)  # type: ignore[attr-defined]
+    text = client.get("/screens/one").text
+    assert f'<rect class=" d-run" {follows}' in text
+    assert 'data-show="bad" display="none">' in text
 
 
 def test_a_pipe_a_link_out_of_the_folder_and_a_huge_file_are_told(folder: Path, tmp_path: Path) -> None:
