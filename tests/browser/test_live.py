@@ -54,7 +54,7 @@ CONTENT = """
 <p>{{ plain(equipment.state_since, pattern=_("live.since")) }} {{ motor(equipment) }}</p>
 <p>{{ gauge(equipment.speed, [(setpoint, 30, status, "0,1"), (setpoint, -30, status, "2")]) }}</p>
 <p><b data-tag="{{ status.name }}" data-class="d-unknown:bad;d-old:uncertain"
-  class="{{ worn(status, 'd-unknown', 'bad') }}{{ worn(status, 'd-old', 'uncertain') }}"></b></p>
+  class="d-body{{ worn(status, 'd-unknown', 'bad') }}{{ worn(status, 'd-old', 'uncertain') }}"></b></p>
 {{ values(equipment, ["speed", "frequency", "current", "voltage", "power", "torque", "heatsink_temperature"], {"frequency": setpoint}) }}
 </main>
 """
