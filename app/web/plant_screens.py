@@ -36,15 +36,11 @@ class Bound:
     """What a part follows, as it is drawn."""
 
     point: PointView
-    label: str
-    """Machine and point."""
     show: str
     """Also shown while the value is not known, then dashed: a part that vanished would say that it is not so."""
     classes: tuple[tuple[str, str], ...]
     place: float | None
     """Where `map` puts it now; None while that is not known."""
-    spot: tuple[float, float]
-    """Left upper corner of the box of a value [user units]."""
 
     @property
     def worn(self) -> str:
@@ -85,23 +81,20 @@ async def screen(request: Request, name: str) -> HTMLResponse:
 
 def _bound(plant: Plant, machine: Callable[[str], EquipmentView], part: Part) -> Bound:
     id, _, key = part.tag.partition(".")
-    drawn = machine(id)
-    point = drawn.point(key)
+    point = machine(id).point(key)
     says_bad = "bad" in part.show.replace(" ", "").split(",")
     show = part.show if says_bad or not part.show else f"{part.show},bad"
     at = Knots(part.map).at(point.value) if part.map and point.usable and isinstance(point.value, int | float) else None
     return Bound(
         point,
-        f"{drawn.label} · {point.label}",
         show,
         (*part.classes, *(() if says_bad else (UNKNOWN,)), OLD),
         at,
-        _spot(part),
     )
 
 
 def _spot(part: Part) -> tuple[float, float]:
-    """From the place and the anchor of its text."""
+    """Left upper corner of the box of a value or a sign, from the place and the anchor of its text [user units]."""
     x, y = (_first(part.attributes.get(key, "0")) for key in ("x", "y"))
     anchor = part.attributes.get("text-anchor", "start")
     below = BELOW * _first(part.attributes.get("font-size", PLAIN_SIZE))
