@@ -86,6 +86,8 @@ class Database:
             StorageError: the file cannot be opened, or is newer than this program.
         """
         try:
+            if self._file is None and self.path.exists() and self.path.stat().st_size and not starts_well(self.path):
+                raise _rubbish()  # before SQLite sees it, which removes a journal beside it that is none of its own
             if not self._is_newest():
                 from alembic import command  # a quarter of the time of a start, and rarely needed
 
@@ -147,6 +149,8 @@ class Database:
         self._let_go()
 
     def _run(self, work: Callable[[Connection], T]) -> T:
+        if self._file is None and self._lost is not None:
+            raise StorageError(f"{self.path.name}: the file is lost, {self._lost}")
         try:
             with self._in_use(), self.engine.begin() as connection:
                 return work(connection)
@@ -297,11 +301,12 @@ class Database:
         if self._held is not None:
             return
         connection = _connect(self.path)
-        connection.execute("PRAGMA journal_mode=WAL").fetchall()
-        if not connection.execute("PRAGMA application_id").fetchone()[0]:  # made by an earlier version
-            connection.execute(f"PRAGMA application_id={_new_id()}")
-            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
-        connection.execute("SELECT count(*) FROM sqlite_master").fetchall()
+        with closed_if_refused(connection):
+            connection.execute("PRAGMA journal_mode=WAL").fetchall()
+            if not connection.execute("PRAGMA application_id").fetchone()[0]:  # made by an earlier version
+                connection.execute(f"PRAGMA application_id={_new_id()}")
+                connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchall()
         self._held, self._file = connection, OpenFile(self.path)
 
     def _let_go(self) -> None:
@@ -349,6 +354,26 @@ def _is_rubbish(error: BaseException) -> bool:
     said = getattr(error, "orig", None) or error
     code = getattr(said, "sqlite_errorcode", 0) & 0xFF
     return code in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
+
+
+def _rubbish() -> sqlite3.DatabaseError:
+    """What SQLite raises for a file that is not one of its own."""
+    error = sqlite3.DatabaseError("file is not a database")
+    error.sqlite_errorcode = sqlite3.SQLITE_NOTADB
+    return error
+
+
+@contextmanager
+def closed_if_refused(connection: sqlite3.Connection) -> Iterator[None]:
+    """A connection that its first statements fail on is closed at once.
+
+    Closed any later it removes the journal that lies under the name by then: that of the file which took this one's place.
+    """
+    try:
+        yield
+    except BaseException:
+        connection.close()
+        raise
 
 
 def _new_id() -> int:
@@ -427,7 +452,8 @@ def _engine(path: Path, pragmas: Sequence[str], connect: Callable[[Path], sqlite
 
     @event.listens_for(engine, "connect")
     def _connected(connection: Any, _record: Any) -> None:
-        for pragma in ("journal_mode=WAL", "foreign_keys=ON", "temp_store=MEMORY", *pragmas):
-            connection.execute(f"PRAGMA {pragma}")
+        with closed_if_refused(connection):
+            for pragma in ("journal_mode=WAL", "foreign_keys=ON", "temp_store=MEMORY", *pragmas):
+                connection.execute(f"PRAGMA {pragma}")
 
     return engine

@@ -45,7 +45,8 @@ def _wait_for_nothing(patch: pytest.MonkeyPatch) -> None:
 
     def without_waiting(path: Path) -> sqlite3.Connection:
         connection = connect(path)
-        connection.execute("PRAGMA synchronous=OFF")
+        with db.closed_if_refused(connection):
+            connection.execute("PRAGMA synchronous=OFF")
         return connection
 
     patch.setattr(db, "_connect", without_waiting)

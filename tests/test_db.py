@@ -4,9 +4,10 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import pytest
 from alembic import command
@@ -143,3 +144,53 @@ def test_a_copy_whose_newest_rows_are_in_its_journal_says_where_they_are(medium:
     ):
         copy.run(lambda connection: connection.exec_driver_sql("SELECT count(*) FROM sample").scalar())
     copy.close()
+
+
+def _no_database(file: Path) -> None:
+    file.write_bytes(b"\0garbage" * 4096)
+
+
+def _damaged_inside(file: Path) -> None:
+    """The header is good; the first table is not."""
+    with file.open("r+b") as opened:
+        opened.seek(100)
+        opened.write(b"\xff" * 800)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("fault", [_no_database, _damaged_inside])
+def test_no_connection_to_a_file_that_was_refused_stays_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: Literal["pogon", "history"], fault: Callable[[Path], None]
+) -> None:
+    """Closed later it would remove the journal of the file that took this one's place."""
+    opened: list[sqlite3.Connection] = []
+    connect = sqlite3.connect
+
+    def noted(*args: Any, **options: Any) -> sqlite3.Connection:
+        opened.append(connect(*args, **options))
+        return opened[-1]
+
+    file = tmp_path / f"{name}.db"
+    database = Database(file, name, inline)
+    database.migrate()
+    database.close()
+    fault(file)
+    monkeypatch.setattr(sqlite3, "connect", noted)
+    refused = Database(file, name, inline)
+    with pytest.raises(
+        StorageError, match=f"{name} database: (file is not a database|database disk image is malformed)"
+    ):
+        refused.migrate()
+    assert not refused.is_newest()
+    with pytest.raises(StorageError):
+        refused.run(lambda connection: connection.exec_driver_sql("SELECT 1 FROM sqlite_master"))
+    assert all(_closed(connection) for connection in opened)
+    refused.close()
+
+
+def _closed(connection: sqlite3.Connection) -> bool:
+    try:
+        connection.total_changes  # noqa: B018  # raises when it is closed
+    except sqlite3.ProgrammingError:
+        return True
+    return False
