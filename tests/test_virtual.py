@@ -12,6 +12,7 @@ from app import chance
 from app.clock import ManualClock
 from app.settings import Settings
 from tests.virtual import VirtualLoop, house
+from tests.wires import pair
 
 
 @pytest.fixture
@@ -74,3 +75,33 @@ def test_the_whole_house_lives_the_same_time_twice(tmp_path: Path) -> None:
     first = live(tmp_path / "one")
     assert first == live(tmp_path / "two")
     assert len(first) > 200
+
+
+def test_a_wire_that_is_given_up_while_it_is_laid_leaves_no_number_behind(loop: VirtualLoop) -> None:
+    """Cancelled at whatever step: the next socket that gets its number can be waited for, though somebody remembers the transport."""
+    remembered: list[asyncio.BaseTransport] = []
+
+    class Server(asyncio.Protocol):
+        def connection_made(self, transport: asyncio.BaseTransport) -> None:
+            remembered.append(transport)
+
+    async def given_up(steps: int) -> None:
+        task = asyncio.create_task(loop.create_connection(asyncio.Protocol, "127.0.0.1", 5020))
+        for _ in range(steps):
+            await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        await asyncio.sleep(0.1)
+        ends = pair()
+        for end in ends:
+            loop.add_reader(end, remembered.clear)
+            loop.remove_reader(end)
+            end.close()
+
+    async def all_of_them() -> None:
+        await loop.create_server(Server, "127.0.0.1", 5020)
+        for steps in range(5):
+            await given_up(steps)
+
+    loop.run_until_complete(all_of_them())
+    assert remembered

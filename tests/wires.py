@@ -85,12 +85,16 @@ class Network(asyncio.SelectorEventLoop):
         if listener is None:
             raise ConnectionRefusedError(errno.ECONNREFUSED, f"Connect call failed {(host, port)}")
         ours, theirs = pair()
+        accepted: asyncio.BaseTransport | None = None
         try:
-            await self.connect_accepted_socket(listener.factory, theirs)
+            accepted, _ = await self.connect_accepted_socket(listener.factory, theirs)
             return await super().create_connection(protocol_factory, sock=ours)
         except BaseException:
             ours.close()
-            theirs.close()
+            if accepted is None:
+                theirs.close()
+            else:
+                accepted.close()  # the loop would not give its number to another socket
             raise
 
 
