@@ -1,14 +1,38 @@
 """Who sits where: a Pogon for all stories of a module, which ends with them, and signed-in browsers at it."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import pytest
-from playwright.sync_api import Browser, Page, StorageState, expect
+from playwright.sync_api import Browser, Error, Page, StorageState, expect
 
 from tests.browser.station import Operator, Sit, Stations, fault, serving, small
 from tests.conftest import PogonServer, find_port
 
 expect.set_options(timeout=15_000)  # what has to happen sooner than this says so itself
+LAST = 40
+"""So many lines of the log of a server are told with a test that failed."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """With a test that failed it is told what its servers said last, and what stood on its pages: often it fails only once."""
+    report = yield
+    if call.when == "call" and report.failed:
+        for name, given in getattr(item, "funcargs", {}).items():
+            if isinstance(given, PogonServer):
+                report.sections.append((f"log of {name}", "\n".join(given.log().splitlines()[-LAST:])))
+            for page in given.pages if isinstance(given, Sit) else [given] if isinstance(given, Page) else []:
+                report.sections.append((f"page of {name}", _told(page)))
+    return report
+
+
+def _told(page: Page) -> str:
+    try:
+        return f"{page.url}\n{page.inner_text('body', timeout=1_000)}"
+    except Error as error:
+        return str(error)
 
 
 @pytest.fixture(scope="module")

@@ -138,6 +138,11 @@ class Sit:
         expect(page.locator("body")).to_have_attribute("data-live", "live")
         return page
 
+    @property
+    def pages(self) -> list[Page]:
+        """Where somebody sits now."""
+        return [*self._pages]
+
     def leave(self) -> None:
         """Everybody lets go of the machine and leaves the browser to others."""
         for one, again in self._pages.items():

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.station import AXE, LANGUAGES, Sit, built, fault, instruct, serving, take
+from tests.browser.station import AXE, LANGUAGES, Sit, built, fault, heard, instruct, serving, take
 from tests.conftest import PogonServer
 from tests.line_plant import plant
 
@@ -59,6 +59,8 @@ def run(page: Page) -> None:
     """Have the line run by itself, from its beginning: whatever the last test left may hold it up."""
     take(page)
     built(page, "c1")
+    heard(page, "c1.state")  # what the page says of the line as it was before would be taken for what it does now
+    page.reload()
     page.wait_for_selector(".prods tr[data-product], .prod:not([display])", timeout=30_000, state="detached")
     if "Automatic" not in page.inner_text(".c-line h2"):
         page.click(".zone .stop")
@@ -81,6 +83,8 @@ def start(page: Page) -> None:
     expect(button).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
     button.click()
     page.locator("#overlay .danger").click()
+    # who leaves the page sooner may take the order along with it
+    expect(page.locator("#message")).to_contain_text(re.compile("Start automatic: Accepted .* Done"), timeout=30_000)
 
 
 def reset(page: Page) -> None:
