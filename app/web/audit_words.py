@@ -6,6 +6,7 @@ What nobody can put into words any more, because the plant has no such machine o
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite, nan
 
 from fastapi import Request
 
@@ -27,6 +28,8 @@ MOST_INLINE = 2
 """So many values stand in a cell; more are unfolded from it."""
 _PAIR = re.compile(r"(\w+) = ([^,]+)")
 _WORD = re.compile(r"0x([0-9A-F]{4}) = (\d+)")
+_AS_WRITTEN = re.compile(r"-?[0-9]+(\.[0-9]+)?(e[+-][0-9]+)?")
+"""A number as Python writes one."""
 _CHANGE = re.compile(r"(added|removed|changed) (\w+)")
 _JOIN = " · "
 
@@ -202,7 +205,6 @@ def _fault(drawn: EquipmentView, code: int) -> str:
 
 
 def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
+    """The number that was written down as `text`. What somebody typed and the gate refused, such as `nan` or `1_000`, is none."""
+    value = float(text) if _AS_WRITTEN.fullmatch(text) else nan
+    return value if isfinite(value) else None

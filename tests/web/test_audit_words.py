@@ -39,6 +39,19 @@ def test_a_setpoint_has_its_unit_and_the_sign_of_the_language(staff: Staff, lang
     assert cells[5:7] == [f"40{mark}00 Hz", f"38{mark}50 Hz"]
 
 
+@pytest.mark.parametrize("typed", ["NaN", "nan", "inf", "-Infinity", "9" * 400, "1_000", "1e1", "٣٨"])
+def test_what_was_typed_and_is_no_number_stays_as_it_was_typed(staff: Staff, typed: str) -> None:
+    """One person typed NaN into a setpoint, and nobody could look at the audit any more."""
+    assert written(staff, "en", "command", None, "m1.set_frequency", 40.0, typed, "refused")[5:7] == ["40.00 Hz", typed]
+    cells = written(staff, "en", "command", None, "m1.set_frequency", 40.0, f"f114 = {typed}", "refused")
+    assert cells[6].endswith(typed)
+
+
+def test_a_number_that_has_an_exponent_is_one(staff: Staff) -> None:
+    cells = written(staff, "en", "command", None, "m1.set_frequency", 1e-05, 1e16, "refused")
+    assert cells[5] == "0.00 Hz" and cells[6].endswith(" Hz")
+
+
 def test_values_written_together_have_their_names_and_many_unfold(staff: Staff) -> None:
     two = changes(("f114", 5.0, 6.5), ("f115", 5.0, 7.0))
     cells = written(staff, "hr", "command", None, "m1.setpoints", "F114 = 5", "F114 = 6.5", "confirmed", **two)
