@@ -131,7 +131,7 @@ class Line:
 
     def _publish_block_lost(self, station: Station, block: ScanBlock, quality: int) -> None:
         block.bind(self._tags.handles, self._tags.revision)
-        block.attempts, block.scanned = 0, 0.0
+        block.attempts, block.unheard, block.scanned = 0, False, 0.0
         block.started = self._now()
         batch = block.lost(self.clock.micros(), quality | station.origin)
         if batch is not None:

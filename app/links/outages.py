@@ -33,6 +33,10 @@ log = logging.getLogger(__name__)
 
 RETRIES = 1
 """Of a read without an answer; a write is never repeated here."""
+RETRY_LIMIT = 0.8
+"""Longest time-out of a retry after silence [s]: a pulled cable shows within one time-out + 1 s; not of a slow device."""
+SLOW_ANSWERS = 1.5
+"""A retry is given so many times the slowest answer of late."""
 BUSY_PAUSE = 0.05
 """Before a device that is busy is asked again [s]."""
 BUSY_TRIES = 2
@@ -80,20 +84,29 @@ class Outages(Line):
 
     def _scan_failed(self, station: Station, block: ScanBlock, error: LinkError, started: float) -> None:
         if isinstance(error, DeviceException) and error.code not in GATEWAY:
+            block.unheard = False
             self._answered(station, started, True)
             self._refused(station, block, error)
         elif block.attempts < RETRIES and not self._line_silent:
             block.attempts += 1
+            block.unheard = True
             self.statistics.retries += 1
             self._schedule.at(block, block.due, first=True)
         else:
-            block.attempts = 0
+            block.attempts, block.unheard = 0, False
             if _above_fallback(station, block):
                 self.attend(station, self._examiner.try_smaller(station, block, error))
             elif block.words is None and block.part is None and isinstance(error, NoAnswer | BadAnswer):
                 self.attend(station, self._examiner.examine_silence(station, block, error))
             else:
                 self._silent(station, error)
+
+    def _timeout(self, station: Station, block: ScanBlock) -> float:
+        """Time for an answer to a scan; less where none came the last time, or a pulled cable would show late [s]."""
+        if not block.unheard:
+            return station.timeout
+        slowest = self.statistics.units[station.number].slowest
+        return min(station.timeout, max(RETRY_LIMIT, SLOW_ANSWERS * slowest))
 
     def refuse(self, station: Station, block: ScanBlock, reason: str) -> None:
         """What `block` holds is not what the plant file says: bad, and looked at again later."""

@@ -26,8 +26,6 @@ from app.plant.definitions import Link, Scan
 from app.tags.database import TagDatabase
 from app.tags.quality import COMM_FAILURE
 
-RETRY_LIMIT = 0.8
-"""Longest time-out of a retry [s]: a pulled cable shows within one time-out + 1 s."""
 TORN_PAUSE = 1.0
 """Before an image that is read once is tried again when it was never whole [s]."""
 ENDED = "link ended"
@@ -264,10 +262,9 @@ class LinkRunner(Outages):
         station = self.stations[block.unit]
         started = self._now()
         ticket = block.ticket
-        timeout = min(station.timeout, RETRY_LIMIT) if block.attempts else station.timeout
         standstills = self._tags.standstills
         try:
-            words = await lane.transport.read(block.unit, block.block, timeout)
+            words = await lane.transport.read(block.unit, block.block, self._timeout(station, block))
         except NotConnected:
             if ticket == block.ticket:
                 self._schedule.at(block, block.due)  # another connection may do it
@@ -292,6 +289,7 @@ class LinkRunner(Outages):
         self._answered(station, started, True, self._wire(block.block))
         station.prove(block.block)
         block.attempts = block.failures = 0
+        block.unheard = False
         if block.scan is Scan.FAST:
             if block.scanned:
                 self.statistics.fast_scan(ended - block.scanned)

@@ -48,6 +48,8 @@ class ScanBlock:
         """Quality last published for the whole block."""
         self.attempts = 0
         """Failed tries of the scan that is due."""
+        self.unheard = False
+        """Whether nothing came back at the last of them."""
         self.failures = 0
         """Scans in a row that the device refused."""
         self.started = 0.0

@@ -386,3 +386,33 @@ async def test_a_device_that_is_silent_where_it_has_no_registers_is_read_behind_
     async with running([row("m", 1, 1, DRIVE)], link=tcp_link(server)) as made:
         await until(lambda: is_good(made.quality("m.v0")), BACK)
     await server.close()
+
+
+class Unhurried(Bus):
+    """A device that takes 0.9 s for each answer, and now and then has an exception in its place, or none."""
+
+    instead: tuple[int, ...] = ()
+    """Codes in the place of the next answers; 0: none comes."""
+
+    def answer(self, unit: int, pdu: bytes) -> Answer:
+        code, self.instead = (self.instead or (-1,))[0], self.instead[1:]
+        if code < 0:
+            return replace(super().answer(unit, pdu), delay=0.9)
+        return Answer(unit, bytes([pdu[0] | 0x80, code]) if code else None, 0.0)
+
+
+@pytest.mark.parametrize("code", [6, 0])
+async def test_a_device_that_takes_its_time_is_given_it_when_it_is_asked_again_too(code: int) -> None:
+    """It was given 0.8 s then, whatever the plant file said: one telegram that was lost, or a busy device, and it counted as silent."""
+    bus = Unhurried({1: RegisterDevice({n: 7 for n in range(4)})})
+    slow = Device(timeout=1.5, fast=1.0)
+    async with line("memory", bus, equipment=[row("m1", 1, 4, slow)]) as made:
+        await until(lambda: is_good(made.quality("m1.v0")), 10)
+        await asyncio.sleep(10)
+        made.batches.clear()
+        for _ in range(5):
+            bus.instead = (code,)
+            await asyncio.sleep(10)
+        assert is_good(made.quality("m1.v0")) and made.value("sys.link.hall.retries") == 5
+        lost = [batch for batch in made.batches if batch.source == "link.hall" and is_bad(batch.quality)]
+        assert not lost, "it never was silent"
