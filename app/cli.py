@@ -172,17 +172,24 @@ def check(
     idle = list(unused(plant))
     for name in idle:
         typer.echo(f"pogon: {where}/{name}: no equipment uses it", err=True)
-    warnings = [*plant.doubts, *doubts(plant)]
+    broken = [screen for screen in plant.screens.values() if screen.problems]
+    mistakes = [problem for screen in broken for problem in screen.problems]
+    for mistake in mistakes:
+        typer.echo(f"pogon: {_placed(where, mistake)}", err=True)
+    warnings = [doubt for doubt in (*plant.doubts, *doubts(plant)) if doubt not in mistakes]
     for warning in warnings:
         typer.echo(f"pogon: warning: {_placed(where, warning)}", err=True)
     alarms = sum(len(item.alarms) for item in plant.equipment.values())
     told = f"no mistakes, warnings: {len(warnings)}" if warnings else "no problems"
+    if broken:
+        told = (
+            f"mistakes in {', '.join(f'/screens/{screen.name}' for screen in broken)}, which say so; the plant starts"
+        )
     typer.echo(
         f"{where}: {told}. Equipment: {len(plant.equipment)}, links: {len(plant.links)}, "
         f"points: {len(plant.points)}, alarms: {alarms}, {_check_sums(plant)}languages: {', '.join(plant.languages)}"
     )
     passed = not tests or _tests_pass(plant)
-    broken = any(screen.problems for screen in plant.screens.values())
     if not passed or broken or (strict and (warnings or idle)):
         raise typer.Exit(1)
 

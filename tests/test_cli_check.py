@@ -117,6 +117,19 @@ def test_a_sequence_that_cannot_be_simulated_fails_the_check(check: Checked) -> 
     assert done.stdout.splitlines()[-1] == "Tests: 0, failed: 1"
 
 
+def test_mistakes_of_a_screen_are_no_warnings_and_the_last_line_says_that_there_are_some(tmp_path: Path) -> None:
+    folder = write_own(tmp_path)
+    (folder / "screens").mkdir()
+    (folder / "screens" / "hall.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><rekt/></svg>'
+    )
+    done = CliRunner().invoke(cli, ["check", str(folder), "--no-tests"])
+    assert done.exit_code == 1
+    assert done.stderr.startswith("pogon: screens/hall.svg:1: <rekt> = rekt: expected one of ")
+    assert done.stderr.count("pogon: warning: ") == 1
+    assert done.stdout.startswith(f"{folder}: mistakes in /screens/hall, which say so; the plant starts. Equipment: 7,")
+
+
 def test_a_file_that_nobody_uses_is_named_and_is_no_mistake(check: Checked) -> None:
     done = check("--no-tests", spare=BLINK)
     assert (done.exit_code, done.stderr) == (0, f"pogon: {check.plant}/sequences/spare.toml: no equipment uses it\n")

@@ -556,6 +556,8 @@ class PlantScreen:
     picture: Part | None
     """None exactly when there are problems."""
     problems: Sequence[Problem] = ()
+    place: int | None = None
+    """Among the tabs of screens; None: after those that have one, by name."""
 
     @property
     def tags(self) -> Sequence[str]:

@@ -113,6 +113,9 @@ PLAIN = re.compile(r"[\w\s.,%#()+-]{0,400}", re.ASCII)
 LOCAL = re.compile(r"url\(\s*[\"']?#([A-Za-z_][\w.:-]{0,80})[\"']?\s*\)", re.ASCII)
 SHAPE = re.compile(r"[\w\s.,%()+-]*", re.ASCII)
 NUMBER = r"-?\d{1,9}(?:\.\d{1,9})?"
+SVG_NUMBER = r"[+-]?(?:\d{1,9}(?:\.\d{0,17})?|\.\d{1,17})(?:[eE][+-]?\d{1,2})?"
+"""A number as SVG writes it."""
+NUMBERS = re.compile(rf"\s*{SVG_NUMBER}(?:[\s,]+{SVG_NUMBER})*\s*", re.ASCII)
 ONE = rf"(?:bad|uncertain|[<>]?{NUMBER})"
 CONDITION = re.compile(rf"{ONE}(?:\s*,\s*{ONE})*", re.ASCII)
 MAP = re.compile(rf"{NUMBER}:{NUMBER}(?: {NUMBER}:{NUMBER}){{1,31}}", re.ASCII)
@@ -327,6 +330,7 @@ class _Reader:
                 self._note(place + "data-href", href, _choice(href, self._machines))
             part.href = href
         self._of_machine(part, place, bound)
+        self._standing(part, place, bound)
         ways = [key for key in ("data-show", "data-class", "data-map") if key in bound]
         tag = bound.get("data-tag")
         if tag is None:
@@ -342,7 +346,9 @@ class _Reader:
             self._condition(place + "data-show", show)
             part.show = show
         if (rules := bound.get("data-class")) is not None:
-            pairs = [tuple(text.strip() for text in rule.partition(":")[::2]) for rule in rules.split(";")]
+            pairs = [
+                tuple(text.strip() for text in rule.partition(":")[::2]) for rule in rules.removesuffix(";").split(";")
+            ]
             for name, condition in pairs:
                 if name not in CLASSES:
                     self._note(place + "data-class", name, _choice(name, CLASSES))
@@ -359,8 +365,18 @@ class _Reader:
                 self._note(place + key, bound[key], _choice(bound[key], self._machines))
             part.machine, part.is_alarm = bound[key], key == "data-alarm"
 
+    def _standing(self, part: Part, place: str, bound: Mapping[str, str]) -> None:
+        """A value or a sign has a box of its own, which stands where plain numbers say."""
+        if "data-alarm" in bound or (
+            "data-tag" in bound and not {"data-show", "data-class", "data-map"} & bound.keys()
+        ):
+            for key in ("x", "y"):
+                if not NUMBERS.fullmatch(part.attributes.get(key, "0")):
+                    self._note(place + key, part.attributes[key], said("mistake.drawing_place"))
+
     def _moving(self, part: Part, place: str, bound: Mapping[str, str]) -> None:
         road, move, turn = bound.get("data-map"), bound.get("data-move"), bound.get("data-turn")
+        road = None if road is None else " ".join(road.split())
         if road is None and move is None and turn is None:
             return
         if road is None or not MAP.fullmatch(road):
@@ -403,7 +419,9 @@ class _Reader:
         parts = list(self._root.all())
         if len({part.tag for part in parts if part.tag}) > MOST_TAGS:
             self._note("data-tag", Plain(f"> {MOST_TAGS}"), said("mistake.drawing_tags", most=MOST_TAGS))
-        if not re.fullmatch(rf"{NUMBER}(?:[ ,]+{NUMBER}){{3}}", self._root.attributes.get("viewBox", ""), re.ASCII):
+        box = self._root.attributes.get("viewBox", "")
+        numbers = [float(number) for number in box.replace(",", " ").split()] if NUMBERS.fullmatch(box) else []
+        if len(numbers) != 4 or not (numbers[2] > 0 and numbers[3] > 0):
             given = self._root.attributes.get("viewBox", said("mistake.missing"))
             self._note("<svg> viewBox", given, said("mistake.drawing_box"), self._root.line)
 

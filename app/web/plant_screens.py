@@ -10,7 +10,7 @@ from fastapi.responses import HTMLResponse
 from starlette.exceptions import HTTPException
 
 from app.plant.definitions import Plant
-from app.plant.drawing import Part
+from app.plant.drawing import PRESENTATION, SVG_NUMBER, Part
 from app.web.drawing import Knots
 from app.web.guard import allow
 from app.web.language import language_of
@@ -76,6 +76,7 @@ async def screen(request: Request, name: str) -> HTMLResponse:
         machine=machine,
         bound=partial(_bound, plant, machine),
         spot=_spot,
+        whole=_of_all(found.picture) if found.picture else {},
     )
 
 
@@ -93,6 +94,12 @@ def _bound(plant: Plant, machine: Callable[[str], EquipmentView], part: Part) ->
     )
 
 
+def _of_all(picture: Part) -> dict[str, str]:
+    """What the root says of the looks of all that is in it; its size is the page's."""
+    kept = {"class", "transform", *PRESENTATION}
+    return {key: text for key, text in sorted(picture.attributes.items()) if key in kept and text}
+
+
 def _spot(part: Part) -> tuple[float, float]:
     """Left upper corner of the box of a value or a sign, from the place and the anchor of its text [user units]."""
     x, y = (_first(part.attributes.get(key, "0")) for key in ("x", "y"))
@@ -103,5 +110,5 @@ def _spot(part: Part) -> tuple[float, float]:
 
 def _first(numbers: str) -> float:
     """The first of some numbers; 0 where there is none."""
-    found = re.match(r"\s*(-?\d{1,9}(?:\.\d{1,9})?)", numbers, re.ASCII)
+    found = re.match(rf"\s*({SVG_NUMBER})", numbers, re.ASCII)
     return float(found[1]) if found else 0.0

@@ -143,3 +143,38 @@ def test_the_name_or_the_alarm_of_a_machine_is_a_text_of_its_own(key: str) -> No
     assert any('"m3"' in told and "m1" in told for told in problems(f'<text {key}="m3"/>'))
     for wrong in (f'<g {key}="m1"/>', f'<text {key}="m1" data-tag="m1.speed"/>'):
         assert problems(wrong), wrong
+
+
+def box(viewbox: str) -> Drawn:
+    return read("<rect/>", HEAD.replace("0 0 100 50", viewbox))
+
+
+@pytest.mark.parametrize("viewbox", ["0 0 0 50", "0 0 100 0", "0 0 -100 50", "0 0 100", "0 0 100 50 1", "a b c d", ""])
+def test_a_picture_without_an_area_is_told_and_not_drawn_as_nothing(viewbox: str) -> None:
+    assert "viewBox" in str(box(viewbox).problems[0])
+
+
+@pytest.mark.parametrize(
+    "viewbox", [" 0 0 100 50 ", "+0,-0, 1e2 .5e+2", "0 0 105.83333333333334 52.916666666667", "0\n0\n1. 5."]
+)
+def test_numbers_are_those_of_svg(viewbox: str) -> None:
+    assert box(viewbox).problems == ()
+
+
+@pytest.mark.parametrize("at", ["x='50%'", "y='10mm'", "x='1em'", "x='50%' data-href='m1'"])
+def test_a_value_stands_where_numbers_say(at: str) -> None:
+    """Its box knows nothing of percents and millimetres: it stood elsewhere."""
+    assert "plain numbers" in mistake(f"<text {at} data-tag='m1.speed'/>")
+    assert "plain numbers" in mistake(f"<text {at.partition(' ')[0]} data-alarm='m1'/>")
+    assert read(f"<text {at}>m</text>").picture is not None or "data-href" in at
+    assert read("<text x='.5' y='+1e1 5' data-tag='m1.speed'/>").picture is not None
+
+
+def test_rules_may_end_with_a_semicolon_and_places_stand_on_lines_of_their_own() -> None:
+    drawn = read(
+        "<rect data-tag='m1.speed' data-class='d-run:1; d-warn:>80;' data-map=' 0:0\n  100:300 ' data-move='x'/>"
+    )
+    assert drawn.problems == () and drawn.picture is not None
+    rect = drawn.picture.children[0]
+    assert not isinstance(rect, str) and rect.classes == (("d-run", "1"), ("d-warn", ">80"))
+    assert rect.map == ((0.0, 0.0), (100.0, 300.0))

@@ -123,6 +123,82 @@ def test_a_pipe_a_link_out_of_the_folder_and_a_huge_file_are_told(folder: Path, 
     assert "a pipe" in told["pipe"] and "leads out" in told["out"] and "600000 bytes" in told["huge"]
 
 
+def test_what_stands_on_the_root_holds_for_the_whole_picture(start: Start, folder: Path) -> None:
+    """As editors write icons: without it outlines became black faces."""
+    root = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9" fill="none" class="d-line" style="stroke:#111" id="all" width="9mm">'
+    (folder / "screens" / "one.svg").write_text(root + "<rect/></svg>", "utf-8")
+    text = start(folder).get("/screens/one").text
+    drawn = text.partition('class="panel drawn"')[2].partition("<rect")[0]
+    assert '<g class="d-line" fill="none" stroke="#111">' in drawn and "mm" not in drawn and "all" not in drawn
+
+
+def test_the_box_of_a_value_stands_where_its_numbers_say(start: Start, folder: Path) -> None:
+    (folder / "screens" / "one.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 900 900"><text x=".5" y="+1e2" data-tag="m1.speed"/></svg>',
+        "utf-8",
+    )
+    assert '<foreignObject x="0.5" y="59.84"' in start(folder).get("/screens/one").text
+
+
+def test_screens_stand_in_the_order_that_their_files_say_and_the_others_after_them(start: Start, folder: Path) -> None:
+    for name, told in (("b", "place = 2"), ("c", ""), ("d", "place = 1"), ("a", "")):
+        shutil.copy(folder / "screens" / "hall.svg", folder / "screens" / f"{name}.svg")
+        (folder / "screens" / f"{name}.toml").write_text(told, "utf-8")
+    text = start(folder).get("/screens/hall").text
+    at = [text.index(f'href="/screens/{name}"') for name in ("d", "b", "a", "c", "hall")]
+    assert at == sorted(at)
+    plant, _ = read_plant(folder)
+    assert plant is not None
+    assert list(plant.screens) == ["d", "b", "a", "c", "hall"]
+
+
+@pytest.mark.parametrize("wrong", ["place = 0", "place = 100", 'place = "1"', "place = true"])
+def test_a_place_that_is_none_is_told(folder: Path, wrong: str) -> None:
+    (folder / "screens" / "hall.toml").write_text(wrong, "utf-8")
+    plant, _ = read_plant(folder)
+    assert plant is not None
+    assert "screens/hall.toml:1: place" in str(plant.screens["hall"].problems[0])
+
+
+@pytest.mark.parametrize(
+    ("file", "said"),
+    [
+        ("alone.toml", 'screens/alone.toml: (file) = alone.toml: expected a drawing beside it, alone.svg'),
+        ("HALL2.SVG", "screens/HALL2.SVG: (file) = HALL2.SVG: expected a name of small letters, digits and _ with .svg"),
+        ("A b.svg", "screens/A b.svg: (file) = A b.svg: expected a name of small letters, digits and _ with .svg"),
+        ("more/x.svg", "screens/more: (file) = a folder: expected drawings, with .svg, in this folder itself"),
+    ],
+)  # fmt: skip
+def test_what_nobody_would_read_is_told(folder: Path, file: str, said: str) -> None:
+    (folder / "screens" / file).parent.mkdir(exist_ok=True)
+    shutil.copy(folder / "screens" / "hall.svg", folder / "screens" / file)
+    plant, problems = read_plant(folder)
+    assert plant is not None and not problems
+    assert [str(doubt) for doubt in plant.doubts] == [said]
+
+
+def test_a_folder_in_the_place_of_a_drawing_and_a_file_in_that_of_the_folder_are_told(folder: Path) -> None:
+    (folder / "screens" / "x.svg").mkdir()
+    plant, _ = read_plant(folder)
+    assert plant is not None
+    assert str(plant.screens["x"].problems[0]) == "screens/x.svg: (file) = a folder: expected an SVG file"
+    shutil.rmtree(folder / "screens")
+    (folder / "screens").write_text("", "utf-8")
+    plant, _ = read_plant(folder)
+    assert plant is not None
+    assert [str(doubt) for doubt in plant.doubts] == ["screens: (file) = a file: expected a folder of drawings"]
+
+
+def test_a_folder_that_may_not_be_read_costs_its_screens_and_nothing_else(folder: Path) -> None:
+    shutil.rmtree(folder / "screens")
+    (folder / "screens").symlink_to(folder / "screens")
+    plant, problems = read_plant(folder)
+    assert plant is not None and not problems and not plant.screens
+    assert [str(doubt) for doubt in plant.doubts] == [
+        "screens: (file) = Too many levels of symbolic links: expected a folder of drawings"
+    ]
+
+
 def test_another_drawing_is_a_change_that_a_reload_takes(folder: Path) -> None:
     from app.plant.changes import compare
 
