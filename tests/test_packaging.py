@@ -93,6 +93,14 @@ def test_the_container_takes_any_plant_folder_and_no_more_than_it_needs() -> Non
     assert "healthcheck" not in service, "that of the image knows https"
 
 
+def test_what_the_file_of_settings_names_is_not_blanked_by_the_compose_file() -> None:
+    """`environment` goes before `env_file`: an empty default there answers every browser behind the proxy with 400, whatever the file says."""
+    for given in ((BASE,), (BASE, TLS), (BASE, SERIAL), (BASE, EDITOR)):
+        named = composed(*given)["environment"]
+        assert not [name for name, value in named.items() if value == "" and name != "POGON_BEHIND_PROXY"]
+    assert "POGON_ALLOWED_HOSTS=" in (ROOT / "docs" / "operations.md").read_text("utf-8")
+
+
 def test_the_container_takes_a_serial_line_with_its_group() -> None:
     service = composed(BASE, SERIAL)
     assert [filled(one, SERIAL_DEVICE="/dev/ttyS1") for one in service["devices"]] == ["/dev/ttyS1:/dev/ttyS1"]
