@@ -94,7 +94,7 @@ def test_the_container_takes_any_plant_folder_and_no_more_than_it_needs() -> Non
 
 
 def test_what_the_file_of_settings_names_is_not_blanked_by_the_compose_file() -> None:
-    """`environment` goes before `env_file`: an empty default there answers every browser behind the proxy with 400, whatever the file says."""
+    """`environment` goes before `env_file`: an empty default there answered every browser behind the proxy with 400."""
     for given in ((BASE,), (BASE, TLS), (BASE, SERIAL), (BASE, EDITOR)):
         named = composed(*given)["environment"]
         assert not [name for name, value in named.items() if value == "" and name != "POGON_BEHIND_PROXY"]

@@ -1,5 +1,6 @@
 """`[equipment.<id>]`: the machines of a plant, one row of the file or many by `repeat`."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -235,8 +236,14 @@ def _unbounded(data: PointData, point: Point) -> Iterator[str]:
     for name in ("low", "high", "scale_low", "scale_high"):
         if name in data.bounds and getattr(point, name) is None:
             yield said("mistake.bound_known", key=name, point=point.key, text=data.bounds[name])
+    band = point.normal or (None, None)
+    for index, end in enumerate(band):
+        if end is not None and math.isnan(end):
+            key = f"normal.{index}"
+            yield said("mistake.bound_known", key=key, point=point.key, text=data.bounds[key])
     pairs = (
         ("low", "high", "<=", point.low, point.high),
+        ("normal.0", "normal.1", "<=", *band),
         ("scale_low", "scale_high", "<", point.scale_low, point.scale_high),
     )
     for first, second, sign, low, high in pairs:
@@ -260,7 +267,7 @@ def _bounded(data: PointData, options: Mapping[str, object]) -> Point:
         except ConfigurationError:
             value = None
         if name.startswith("normal."):
-            normal[int(name[-1])] = 0.0 if value is None else round(value, 6)
+            normal[int(name[-1])] = math.nan if value is None else round(value, 6)
             computed["normal"] = (normal[0], normal[1])
         else:
             computed[name] = None if value is None else round(value, 6)

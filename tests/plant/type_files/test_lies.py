@@ -229,6 +229,9 @@ def test_a_text_that_names_a_number_which_nobody_gives(tmp_path: Path) -> None:
             "options with which x has scale_low < scale_high: they make 5 and 5 of it",
         ),
         ('high = "1 / (a - 5)"\n', "options with which high of x is a number: 1 / (a - 5)"),
+        ('normal = [7, "a"]\n', "options with which x has normal.0 <= normal.1: they make 7 and 5 of it"),
+        ('normal = [1, "9 / (a - 5)"]\n', "options with which normal.1 of x is a number: 9 / (a - 5)"),
+        ('normal = ["9 / (a - 5)", 8]\n', "options with which normal.0 of x is a number: 9 / (a - 5)"),
     ],
 )
 def test_limits_that_the_options_of_a_machine_turn_round(tmp_path: Path, row: str, expected: str) -> None:
