@@ -160,7 +160,7 @@ function open() {
   retry = setTimeout(() => socket === here && here.readyState !== WebSocket.OPEN && drop(), 4000);
 }
 
-/** The server knows this page no more: its machine was taken out of the plant. It is asked for further on, it may come back. */
+/** The server knows this page no more: its machine, or its screen, was taken out of the plant. It is asked for further on, it may come back. */
 function gone(is) {
   if (is) connection("offline");
   body.toggleAttribute("data-gone", is && document.querySelector(".off-gone") !== null);

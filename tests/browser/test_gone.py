@@ -46,6 +46,30 @@ def test_a_machine_taken_out_of_the_plant_is_said_and_found_again(page: Page, tm
         live(page)
 
 
+def test_a_screen_taken_out_of_the_plant_is_said_and_found_again(page: Page, tmp_path: Path) -> None:
+    """It said that the connection was lost and tried to reconnect for ever, beside a server that answered."""
+    file = small(tmp_path, "m1", "c1") / "plant" / "plant.toml"
+    drawing = file.parent / "screens" / "one.svg"
+    drawing.parent.mkdir()
+    drawing.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 400 100"><text x="9" y="50" data-tag="m1.speed"/></svg>', "utf-8"
+    )  # fmt: skip
+    with serving(tmp_path, {}) as server:
+        page.goto(f"{server.url}/screens/one")
+        live(page)
+        text = drawing.read_text("utf-8")
+        drawing.unlink()
+        reload(server, file, file.read_text("utf-8"))
+        gone = page.locator(".offline")
+        expect(gone).to_contain_text("This screen is no longer in the plant", timeout=30_000)
+        expect(gone.get_by_text("Connection to the server lost")).to_be_hidden()
+        expect(gone.get_by_text("Reconnecting")).to_be_hidden()
+        drawing.write_text(text, "utf-8")
+        reload(server, file, file.read_text("utf-8"))
+        live(page, seconds=20)
+        expect(gone).to_be_hidden()
+
+
 def reload(server: PogonServer, file: Path, text: str) -> None:
     """Let a running server take its plant anew."""
     file.write_text(text, "utf-8")

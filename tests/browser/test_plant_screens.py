@@ -1,6 +1,8 @@
 """A screen of the plant's own in a browser: its values live, what a trip and a pulled cable show, its links by keyboard."""
 
+import shutil
 from collections.abc import Callable
+from pathlib import Path
 
 from playwright.sync_api import Page, expect
 
@@ -8,6 +10,25 @@ from app import bundled
 from app.sim.training import REG_LINE_FAULT, REG_MACHINE_FAULT
 from tests.browser.station import write
 from tests.conftest import PogonServer, find_port
+
+ENDS = """() => {
+    const letters = document.createRange();
+    letters.selectNodeContents(document.querySelector(".drawn .val i"));
+    return [letters, document.querySelector(".drawn rect")].map((one) => one.getBoundingClientRect().right);
+}"""
+
+
+def test_a_value_whose_text_ends_somewhere_ends_there_whatever_its_unit(
+    page: Page, pogon_server: Callable[..., PogonServer], tmp_path: Path
+) -> None:
+    folder = shutil.copytree(bundled("plants/hall"), tmp_path / "plant")
+    (folder / "screens" / "one.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 400 100"><rect width="300" height="100" fill="none"/>'
+        '<text x="300" y="50" text-anchor="end" data-tag="m1.current"/></svg>', "utf-8"
+    )  # fmt: skip
+    page.goto(f"{pogon_server(plant=folder).url}/screens/one")
+    letters, place = page.evaluate(ENDS)
+    assert abs(letters - place) < 4
 
 
 def test_a_picture_shows_what_its_machines_do_and_what_nobody_knows(
