@@ -121,6 +121,10 @@ def _plant(old: Plant, new: Plant) -> list[Change]:
     drawn = [name for name in {**old.screens, **new.screens} if old.screens.get(name) != new.screens.get(name)]
     details += [f"screens: {', '.join(sorted(drawn))}"] if drawn else []
     effects: list[tuple[str, Mapping[str, str]]] = [("texts", {})]
+    if gone := [name for name in drawn if name not in new.screens]:
+        effects.append(("screens_gone", {"names": ", ".join(sorted(gone))}))
+    if broken := [name for name in drawn if name in new.screens and new.screens[name].problems]:
+        effects.append(("screens_broken", {"names": ", ".join(sorted(broken))}))
     if old.timezone != new.timezone:
         effects.append(("timezone", {}))
     if old.shifts != new.shifts:

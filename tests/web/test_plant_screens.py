@@ -209,3 +209,23 @@ def test_another_drawing_is_a_change_that_a_reload_takes(folder: Path) -> None:
     assert old is not None and new is not None
     assert [change.details for change in compare(old, new)] == [("screens: hall",)]
     assert compare(new, new) == []
+
+
+def test_who_reads_the_plant_anew_is_told_before_which_screens_go_and_which_lose_their_picture(folder: Path) -> None:
+    """It said that labels and places change, and the picture was gone: a machine had another name."""
+    from app.plant.changes import compare
+
+    shutil.copy(folder / "screens" / "hall.svg", folder / "screens" / "one.svg")
+    old, _ = read_plant(folder)
+    (folder / "screens" / "one.svg").unlink()
+    file = folder / "plant.toml"
+    file.write_text(file.read_text("utf-8").replace("[equipment.m1]", '[equipment.m9]\nwas = "m1"'), "utf-8")
+    new, _ = read_plant(folder)
+    assert old is not None and new is not None
+    told = {
+        effect.key: effect.params for change in compare(old, new) if change.what == "plant" for effect in change.effects
+    }
+    assert told["screens_gone"] == {"names": "one"} and told["screens_broken"] == {"names": "hall"}
+    assert not [effect for change in compare(new, new) for effect in change.effects]
+    (back,) = (change for change in compare(new, old) if change.what == "plant")
+    assert [effect.key for effect in back.effects] == ["texts"]
