@@ -91,17 +91,33 @@ const TONES = { // beeps [Hz, start s, length s] and how often they come [s]
   4: { every: 8, beeps: [[440, 0, 0.2]] },
 };
 const button = document.getElementById("silence"), level = document.getElementById("alarm-sound");
-let context = null, sounding = 0, loop = 0, mine = !navigator.locks;
-navigator.locks?.request("pogon.sound", () => { // of several tabs one sounds
-  mine = true;
-  listen();
-  return new Promise(() => {});
-});
+let context = null, sounding = 0, loop = 0, mine = !navigator.locks, turn = null, new_here = true;
+
+/** Of several tabs one sounds: never one that the browser keeps silent, and the one that somebody looks at before those behind it. */
+function claim(seen = new_here && !document.hidden) {
+  if (!navigator.locks || context?.state !== "running" || (turn && (mine || !seen))) return;
+  turn?.abort();
+  const here = turn = new AbortController(), { signal } = here;
+  const over = () => {
+    if (turn !== here) return;
+    turn = null;
+    mine = false;
+    listen();
+  };
+  new_here = false;
+  navigator.locks.request("pogon.sound", seen ? { steal: true } : { signal }, () => {
+    if (signal.aborted) return;
+    mine = true;
+    listen();
+    return new Promise((done) => { signal.onabort = done; });
+  }).then(over, over);
+}
 
 function silence() {
   try {
     const kept = JSON.parse(localStorage.getItem(KEY) ?? "null");
-    return kept && kept.until > Date.now() && kept.news === news.dataset.signal ? kept : null;
+    const left = kept ? kept.until - Date.now() : 0; // more than that is none: the clock was set back
+    return left > 0 && left <= SILENCE && kept.news === news.dataset.signal ? kept : null;
   } catch {
     return null;
   }
@@ -130,6 +146,8 @@ function listen() {
   if (wanted && "sound" in banner.dataset) {
     try { context ??= new AudioContext(); } catch { /* no audio here */ }
   }
+  if (turn && context.state !== "running") turn.abort(); // another tab may be able to
+  claim();
   const blocked = Boolean(wanted) && !quiet && context !== null && context.state !== "running";
   const next = wanted && !quiet && mine && "sound" in banner.dataset ? wanted : 0;
   if (next !== sounding) {
@@ -160,9 +178,10 @@ button?.addEventListener("click", () => {
 });
 for (const gesture of ["pointerdown", "keydown"])
   document.addEventListener(gesture, () => {
-    if (context && context.state !== "running") context.resume().then(() => { if (sounding) beep(); listen(); });
+    if (context && context.state !== "running") context.resume().then(() => { claim(true); if (sounding) beep(); listen(); });
   }, { capture: true });
 addEventListener("storage", ({ key }) => key === KEY && listen());
+document.addEventListener("visibilitychange", () => { if (!document.hidden) claim(true); });
 setInterval(listen, 1000); // silence ends by itself
 
 // ---- what the tags say --------------------------------------------------------------------------------------------

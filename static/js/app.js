@@ -179,14 +179,15 @@
   setInterval(tick, 200);
 
   // ---- offline: the message line says since when -------------------------------------------------------------------
-  let before = null;
+  let before = null, told = "";
+  const said = () => line.querySelector("span").textContent;
   document.addEventListener("pogon:live", ({ detail }) => {
     if (detail === "offline") {
-      before = { text: line.querySelector("span").textContent, kind: line.dataset.kind, time: line.querySelector("time").textContent };
+      before = { text: said(), kind: line.dataset.kind, time: line.querySelector("time").textContent };
       const since = new Date(Date.now() + ahead - 3000);
-      say(line.dataset.stale.replace("{time}", form.format(since)), "error");
+      say(told = line.dataset.stale.replace("{time}", form.format(since)), "error");
     } else if (before) {
-      say(before.text, before.kind, before.time);
+      if (said() === told) say(before.text, before.kind, before.time); // what was said meanwhile stays: a Stop that was not delivered
       before = null;
     }
   });

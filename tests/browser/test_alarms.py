@@ -4,7 +4,7 @@ import re
 import time
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from tests.browser.station import AXE, Operator
 
@@ -219,8 +219,58 @@ def test_the_horn_is_silent_here_until_the_next_alarm(operator: Operator) -> Non
     station.goto(operator.server.url)
     assert station.locator("#silence").get_attribute("aria-pressed") == "false", "another station sounds on"
     other.close()
+    page.evaluate(
+        "() => { const now = Date.now; Date.now = () => now() - 3600e3; }"
+    )  # somebody sets the clock of this computer back
+    expect(silence).to_have_attribute("aria-pressed", "false", timeout=5_000)
+    page.evaluate("() => { const now = Date.now; Date.now = () => now() + 3600e3; }")
+    expect(silence).to_have_attribute("aria-pressed", "true", timeout=5_000)
     operator.trip(2, 9)
     expect(silence).to_have_attribute("aria-pressed", "false", timeout=30_000)
+
+
+BEEPS = """() => {
+    const start = OscillatorNode.prototype.start;
+    OscillatorNode.prototype.start = function (...at) { document.documentElement.dataset.beeps += "."; return start.apply(this, at); };
+}"""
+
+
+UNTOUCHED = """() => {
+    let touched = false;
+    addEventListener("pointerdown", () => { touched = true; }, true);
+    Object.defineProperty(AudioContext.prototype, "state", { get: () => touched ? "running" : "suspended" });
+}"""
+"""No sound before the first gesture, as browsers have it; a headless one does not always."""
+
+
+def sounds(page: Page) -> None:
+    """Wait until this page sounds from now on."""
+    page.evaluate("() => { document.documentElement.dataset.beeps = ''; }")
+    expect(page.locator("html")).to_have_attribute("data-beeps", re.compile(r"^\.+$"))
+
+
+def test_of_two_tabs_the_one_sounds_that_may(operator: Operator) -> None:
+    """A tab that was opened behind this one, and never touched, took the horn over with the next page here, and kept silent."""
+    page = operator.page
+    page.add_init_script(f"({BEEPS})()")
+    operator.go("/")
+    page.mouse.click(5, 400)
+    behind = page.context.new_page()
+    behind.add_init_script(f"({BEEPS})(); ({UNTOUCHED})()")
+    behind.goto(operator.server.url + "/trends")
+    operator.trip(2, 9)
+    expect(behind.locator("#silence")).to_have_attribute("data-blocked", "", timeout=30_000)
+    operator.go("/alarms")
+    page.mouse.click(5, 400)
+    expect(page.locator("#silence")).not_to_have_attribute("data-blocked", "")
+    sounds(page)
+    behind.mouse.click(5, 400)  # now somebody is there
+    sounds(behind)
+    page.evaluate("() => { document.documentElement.dataset.beeps = ''; }")
+    sounds(behind)
+    expect(page.locator("html")).to_have_attribute("data-beeps", "")  # one of them sounds
+    behind.close()
+    sounds(page)
 
 
 @pytest.mark.parametrize("path", ["/alarms", "/"])

@@ -589,6 +589,21 @@ def test_without_the_server_every_command_is_refused_here_but_stop_tries_and_tel
     wait_speed(page, lambda now: now > 900)
 
 
+def test_that_a_stop_was_not_delivered_is_still_said_when_the_line_is_back(sit: Sit) -> None:
+    """What had stood in the line before took its place: who looked away for a moment never learnt that the machine was not stopped."""
+    page = sit("ana")
+    take(page)
+    page.context.set_offline(True)
+    expect(page.locator("body")).to_have_attribute("data-live", "offline", timeout=6000)
+    page.click(".zone .stop")
+    expect(page.locator("#message")).to_contain_text("Not delivered")
+    page.context.set_offline(False)
+    expect(page.locator("body")).to_have_attribute("data-live", "live", timeout=30_000)
+    sit.complaints[:] = [told for told in sit.complaints if "ERR_INTERNET_DISCONNECTED" not in told]
+    expect(page.locator("#message")).to_contain_text("Stop: Not delivered")
+    expect(page.locator("#message")).to_have_attribute("data-kind", "error")
+
+
 CUT = """() => {
     const real = window.fetch;
     window.fetch = async (url, options) => { // the head comes, then its time ends
