@@ -294,7 +294,8 @@ class Gate:
         if now - self._looked >= LOOK:
             self._looked = now
             for machine in self._state.machines.values():
-                if self._state.readings.watch(machine):
+                writer = self._state.writers.get(machine.item.link)
+                if self._state.readings.watch(machine, paused=writer is not None and writer.paused):
                     self._state.changed(machine.item.id)
         self._state.tell_changed(now)
 

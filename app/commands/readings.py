@@ -49,12 +49,16 @@ class Readings:
             machine.handles = self._tags.revision, found
         return found
 
-    def watch(self, machine: Machine) -> bool:
-        """Judge every condition of the machine; whether anything that a screen says about its commands is other than before."""
+    def watch(self, machine: Machine, *, paused: bool = False) -> bool:
+        """Judge every condition of the machine; whether anything that a screen says about its commands is other than before.
+
+        `paused`: its simulation is, which stands in the way of every command.
+        """
         look, age, kind = self.look(machine), self.age(machine), machine.item.type
         for condition in (*kind.permissives, *kind.interlocks):
             self._judge(machine, condition, look, age)
         signature = (
+            paused,
             tuple(value for value, _ in machine.met.values()),
             tuple(
                 tuple(interlocks.amounts(condition.values, look).items())

@@ -91,26 +91,17 @@ const TONES = { // beeps [Hz, start s, length s] and how often they come [s]
   4: { every: 8, beeps: [[440, 0, 0.2]] },
 };
 const button = document.getElementById("silence"), level = document.getElementById("alarm-sound");
-let context = null, sounding = 0, loop = 0, mine = !navigator.locks, turn = null, new_here = true;
+let context = null, sounding = 0, loop = 0, mine = !navigator.locks, turn = null, fresh = true;
 
 /** Of several tabs one sounds: never one that the browser keeps silent, and the one that somebody looks at before those behind it. */
-function claim(seen = new_here && !document.hidden) {
-  if (!navigator.locks || context?.state !== "running" || (turn && (mine || !seen))) return;
+function claim(seen = fresh && !document.hidden) {
+  if (context?.state !== "running") return turn?.abort(); // another one may be able to
+  if (!navigator.locks || (turn && (mine || !seen))) return;
   turn?.abort();
-  const here = turn = new AbortController(), { signal } = here;
-  const over = () => {
-    if (turn !== here) return;
-    turn = null;
-    mine = false;
-    listen();
-  };
-  new_here = false;
-  navigator.locks.request("pogon.sound", seen ? { steal: true } : { signal }, () => {
-    if (signal.aborted) return;
-    mine = true;
-    listen();
-    return new Promise((done) => { signal.onabort = done; });
-  }).then(over, over);
+  const here = turn = new AbortController(), { signal } = here, end = new Promise((done) => { signal.onabort = done; });
+  const has = (is) => { if (turn === here) { [mine, turn] = [is, is ? here : null]; listen(); } };
+  fresh = false;
+  navigator.locks.request("pogon.sound", seen ? { steal: true } : { signal }, () => has(true) ?? end).catch(() => {}).then(() => has(false));
 }
 
 function silence() {
@@ -118,9 +109,7 @@ function silence() {
     const kept = JSON.parse(localStorage.getItem(KEY) ?? "null");
     const left = kept ? kept.until - Date.now() : 0; // more than that is none: the clock was set back
     return left > 0 && left <= SILENCE && kept.news === news.dataset.signal ? kept : null;
-  } catch {
-    return null;
-  }
+  } catch { return null; }
 }
 
 function beep() {
@@ -129,10 +118,7 @@ function beep() {
     const tone = context.createOscillator(), volume = context.createGain(), at = context.currentTime + start;
     tone.frequency.value = pitch;
     tone.type = "triangle";
-    volume.gain.setValueAtTime(0, at);
-    volume.gain.linearRampToValueAtTime(0.25, at + 0.02);
-    volume.gain.setValueAtTime(0.25, at + length - 0.03);
-    volume.gain.linearRampToValueAtTime(0, at + length);
+    volume.gain.setValueCurveAtTime([0, ...Array(8).fill(0.25), 0], at, length);
     tone.connect(volume).connect(context.destination);
     tone.start(at);
     tone.stop(at + length);
@@ -143,10 +129,7 @@ function beep() {
 function listen() {
   if (!level || !button) return;
   const wanted = Number(level.dataset.signal) || 0, quiet = silence();
-  if (wanted && "sound" in banner.dataset) {
-    try { context ??= new AudioContext(); } catch { /* no audio here */ }
-  }
-  if (turn && context.state !== "running") turn.abort(); // another tab may be able to
+  if (wanted && "sound" in banner.dataset) try { context ??= new AudioContext(); } catch { /* no audio here */ }
   claim();
   const blocked = Boolean(wanted) && !quiet && context !== null && context.state !== "running";
   const next = wanted && !quiet && mine && "sound" in banner.dataset ? wanted : 0;
@@ -170,10 +153,7 @@ function listen() {
 button?.addEventListener("click", () => {
   if (context && context.state !== "running") return; // the press itself lets the browser sound
   const quiet = silence();
-  try {
-    if (quiet) localStorage.removeItem(KEY);
-    else localStorage.setItem(KEY, JSON.stringify({ until: Date.now() + SILENCE, news: news.dataset.signal }));
-  } catch { /* private window: this page only */ }
+  try { localStorage.setItem(KEY, JSON.stringify(quiet ? null : { until: Date.now() + SILENCE, news: news.dataset.signal })); } catch { /* private window */ }
   listen();
 });
 for (const gesture of ["pointerdown", "keydown"])

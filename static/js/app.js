@@ -28,11 +28,7 @@
         if (why) say(why, "error");
         return false;
       }
-      try {
-        return new URL(ctx.request.action || "", location.href).origin === location.origin;
-      } catch {
-        return false;
-      }
+      try { return new URL(ctx.request.action || "", location.href).origin === location.origin; } catch { return false; }
     },
   });
 

@@ -55,3 +55,17 @@ async def test_subscribers_hear_of_progress_and_reasons_at_most_ten_times_a_seco
     await stand.ask(ANA, "stop")
     await stand.pass_time(1)
     assert told == []
+
+
+async def test_subscribers_hear_that_the_simulation_is_paused_and_that_it_goes_on() -> None:
+    """A page that was opened in a pause refused every command after it, with the pause as the reason."""
+    stand = Stand()
+    await stand.pass_time(1)
+    told: list[str] = []
+    stand.gate.subscribe(told.append)
+    for paused in (True, False):
+        told.clear()
+        stand.link.paused = paused
+        await stand.pass_time(1)
+        assert set(told) == set(stand.plant.equipment), paused
+        assert len(told) == len(stand.plant.equipment), paused
