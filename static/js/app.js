@@ -183,7 +183,7 @@
       const since = new Date(Date.now() + ahead - 3000);
       say(told = line.dataset.stale.replace("{time}", form.format(since)), "error");
     } else if (before) {
-      if (said() === told) say(before.text, before.kind, before.time); // what was said meanwhile stays: a Stop that was not delivered
+      if ([told, line.dataset.network].includes(said())) say(before.text, before.kind, before.time); // a Stop that was not delivered stays said
       before = null;
     }
   });
