@@ -372,9 +372,9 @@ class SequenceView:
         if self.is_on("machine_manual"):
             return text("sequence.screen.head.manual")
         if abort := self.missing(ABORT):
-            return text("sequence.screen.head.abort_missing", names=self.named(abort))
+            return text("sequence.screen.head.abort_missing", names=self.named(abort, lacking=True))
         if missing := self.missing(1):
-            return text("sequence.screen.head.missing", step=1, names=self.named(missing))
+            return text("sequence.screen.head.missing", step=1, names=self.named(missing, lacking=True))
         return text("sequence.screen.head.automatic" if self.is_on("automatic") else "sequence.screen.head.can_start")
 
     def _waits(self, step: int, maximum: float | None) -> str:
@@ -385,7 +385,7 @@ class SequenceView:
                 key = "held" if held else "held_unknown"
                 return text(f"sequence.screen.head.{key}", when=self.plant.told(self.definition.suspend_when))
             missing = self.missing(step)
-            return text("sequence.screen.head.missing", step=step, names=self.named(missing)) if missing else text(
+            return text("sequence.screen.head.missing", step=step, names=self.named(missing, lacking=True)) if missing else text(
                 "sequence.screen.head.resume"
             )  # fmt: skip
         also = self.ways.beside(step)
@@ -401,7 +401,7 @@ class SequenceView:
             return text("sequence.screen.head.stays")
         following = self.ways.next_of(step)
         if self.ways.following(step) != ((),) and (missing := self.missing(following)):
-            return text("sequence.screen.head.missing", step=following, names=self.named(missing))
+            return text("sequence.screen.head.missing", step=following, names=self.named(missing, lacking=True))
         return (
             text("sequence.screen.head.single") if self.is_on("single_step") else text("sequence.screen.head.goes_on")
         )

@@ -1,6 +1,7 @@
 """Pages of sequences and of their machine over HTTP: whole in every language, permissives and dialogs by name."""
 
 import re
+import shutil
 from collections.abc import Iterator, Sequence
 from html.parser import HTMLParser
 from pathlib import Path
@@ -8,12 +9,15 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
+from app import bundled
+from app.blocks.sequence import SequenceState
 from app.running.page_tags import page_tags
+from app.sim.training import REG_MACHINE_FAULT
 from app.web.points import EquipmentView
 from app.web.screens.sequence import SequenceView, sequence_of, sequences_for
 from tests import coil_plant
 from tests.web import sequence_plant
-from tests.web.conftest import _running
+from tests.web.conftest import Start, _running
 from tests.web.operating import Operator, line_of, runtime_of, until, words
 from tests.web.people import PASSWORD, Staff
 
@@ -118,6 +122,26 @@ def test_the_headline_of_one_that_may_start(plant: TestClient) -> None:
     for lang in LANGUAGES:
         head = sequence(plant, "seq1", lang).headline
         assert head.kind == "calm" and head.before and head.detail and "{" not in head.before + head.detail
+
+
+WHY_NOT = {
+    "hr": "Korak 1 čeka: Prenizak tlak hidraulike",
+    "en": "Step 1 waits: Hydraulic pressure too low",
+    "de": "Schritt 1 wartet: Hydraulikdruck zu niedrig",
+    "cs": "Krok 1 čeká: Nízký tlak hydrauliky",
+}
+PRESSURE_LOST = 31
+
+
+def test_the_headline_says_what_is_so_and_not_what_ought_to_be(start: Start, tmp_path: Path) -> None:
+    """Whoever reads "missing: no collision" has to think twice, or takes it that there is none."""
+    folder = coil_plant.write(tmp_path / "plant")
+    shutil.copy(bundled("plants/demo") / "sequences" / "coil_transport.toml", folder / "sequences" / "transport.toml")
+    client = start(plant=folder)
+    assert until(lambda: runtime_of(client).tags.sample("seq1.state").value == SequenceState.IDLE)
+    runtime_of(client).sim.devices["cc1"].write(6, REG_MACHINE_FAULT, [PRESSURE_LOST])
+    assert until(lambda: sequence(client, "seq1").missing(1))
+    assert {lang: sequence(client, "seq1", lang).headline.detail for lang in WHY_NOT} == WHY_NOT
 
 
 def test_a_force_is_asked_for_by_name_with_password_and_no_longer_than_allowed(
