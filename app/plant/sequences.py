@@ -26,7 +26,7 @@
     [steps.permissives.3]                               bit 0–15; a bit that nobody names counts as fulfilled
     key = "pressure_ok"                                 else bit_3
     label = { … }                                       in positive wording
-    missing = { … }                                     what is so while it is not met; else "not: " and the label
+    missing = { … }                                     what is so while it is not met; else "missing: " and the label
     when = "pressure > 80"                              over the points of the machine, and of any as m1.speed
     value = "pressure"                                  kept with a first-out
     forceable = true
