@@ -57,6 +57,7 @@ def test_stop_stands_in_the_right_end_of_every_faceplate(abnormal: Page, size: t
 
 SCREENS = ((1024, 768, "desk"), (1280, 800, "desk"), (1920, 1080, "desk"), (800, 480, "panel-9"))
 BEYOND = "(one) => one.scrollWidth - one.clientWidth"
+BELOW = "(one) => one.scrollHeight - one.clientHeight"
 LINES = """(all) => Math.max(0, ...all.filter((one) => one.tagName === "TD" && one.textContent.trim()).map((one) => {
   const range = document.createRange();
   range.selectNodeContents(one);
@@ -113,6 +114,10 @@ def test_the_stages_of_a_start_stand_apart(abnormal: Page, lang: str) -> None:
         assert abnormal.locator(".k-drives .panel-b").evaluate_all(f"(all) => Math.max(...all.map({BEYOND}))") <= 0, (
             width
         )
+        if profile == "desk":
+            assert (
+                abnormal.locator(".k-drives .panel-b").evaluate_all(f"(all) => Math.max(...all.map({BELOW}))") <= 0
+            ), width
 
 
 def test_who_holds_a_machine_is_told_in_whole_words(abnormal: Page) -> None:
