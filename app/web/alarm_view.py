@@ -71,6 +71,8 @@ class Row:
     locked: bool
     unacked: bool
     came: str
+    came_second: str
+    """As `came`, to the second."""
     iso: str
     since: int
     """When it came [µs UTC]."""
@@ -130,6 +132,7 @@ class Drawing:
             locked=one.life.latched and not active,
             unacked=one.unacked,
             came=self.moment(one.first_true),
+            came_second=fmt.moment_or_time(one.first_true, self.zone, self.lang, self.now),
             iso=fmt.iso(one.first_true, self.zone),
             since=one.first_true,
             lasted=lasting(seconds),
@@ -278,6 +281,7 @@ class Drawing:
         unacked = int(str(counts["unack"]))
         return {
             "row": self.row(first) if first else None,
+            "unknown": self.runtime.plant is None,  # nobody looks for alarms of machines
             "more": max(0, unacked - 1),
             "counts": [(one, counts[f"active_{one}"], counts[f"unack_{one}"]) for one in PRIORITIES],
             "total": counts["total"],
@@ -317,7 +321,7 @@ class Drawing:
             "area": area,
             "title": self._("alarm.of_area" if area else "alarm.by_machine" if by_machine else "alarm.by_area"),
             "rows": [(label, [counts[one] for one in PRIORITIES]) for label, counts in rows.values()],
-            "newest": [(self.row(one), fmt.clock_time(one.first_true, self.zone, seconds=False)) for one in newest],
+            "newest": [(self.row(one), self._minute(one.first_true)) for one in newest],
             "told": len(told),
             "bars": bars(told, self.now, HOUR, 24),
             "axis": [fmt.clock_time(self.now - back * HOUR, self.zone, seconds=False) for back in (24, 12, 0)],

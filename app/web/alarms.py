@@ -263,6 +263,7 @@ def _list(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
         "list_url": "/alarms/list?" + urlencode(query | {"page": page}),
         "list_revision": engine.list.revision,
         "list_news": engine.annunciations.count,
+        "unknown": _view(request).runtime(request).plant is None,
     }
 
 
@@ -409,18 +410,21 @@ def answered(request: Request, text: str, kind: str, next: str, *, stored: bool)
 
 @router.get("/alarms/banner", dependencies=[allow("view")])
 async def banner(request: Request) -> Response:
-    """The inside of the banner; the same for all who may do the same, so it is drawn once."""
+    """The inside of the banner; the same for all who may do the same, so it is drawn once a change and a day."""
     view, engine = _view(request), _engine(request)
     may = _may(request, "acknowledge")
     lang = language.language_of(request)
-    cache: dict[tuple[str, bool], tuple[int, Any, bytes]] = request.app.state.__dict__.setdefault("_alarm_banners", {})
+    cache: dict[tuple[str, bool], tuple[tuple[int, str], Any, bytes]] = request.app.state.__dict__.setdefault(
+        "_alarm_banners", {}
+    )
     known = cache.get((lang, may))
     runtime = view.runtime(request)
-    if known is None or known[0] != engine.list.revision or known[1] is not runtime.texts:
-        content = drawing(request).banner(may_view=True, may_acknowledge=may)
-        revision = engine.list.revision
+    draw = drawing(request)
+    state = (engine.list.revision, fmt.date(draw.now, draw.zone, draw.lang))  # what is of another day says which
+    if known is None or known[0] != state or known[1] is not runtime.texts:
+        content = draw.banner(may_view=True, may_acknowledge=may)
         body = await view.markup(request, "fragments/banner_inside.html", alarms=content)
-        known = cache[(lang, may)] = (revision, runtime.texts, body)
+        known = cache[(lang, may)] = (state, runtime.texts, body)
     return Response(known[2], media_type="text/html; charset=utf-8")
 
 

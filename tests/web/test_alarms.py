@@ -6,8 +6,9 @@ import re
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from html import unescape
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -332,6 +333,24 @@ def test_the_banner_of_every_page_has_the_most_important_one_and_the_counts(hall
     assert re.search(r'data-mark-of="m2"[^>]*><svg class="alm alm-1 alm-l" data-state="unack"', html)
     assert re.search(r'data-mark-of="m1"[^>]*></span>', html)
     assert '"part":{"m2.stop":[1,"unack"]}' in unescape(html)
+
+
+@pytest.mark.parametrize(
+    ("lang", "told"), [("hr", "09.03. 23:59"), ("en", "09/03 23:59"), ("de", "09.03. 23:59"), ("cs", "09.03. 23:59")]
+)
+def test_the_banner_says_of_which_day_an_alarm_is(tmp_path: Path, lang: str, told: str) -> None:
+    evening = datetime(2026, 3, 9, 22, 59, 50, tzinfo=UTC)  # ten seconds before the midnight of the plant
+    with virtual.house(Settings(data=tmp_path / "data"), begin=evening) as client:
+        hall = Hall(client)
+        hall.tell("stop_unconfirmed", "m2")
+        for path in ("/", "/alarms/banner"):
+            assert re.findall(r"<time class=\"num\"[^>]*>(.*?)</time>", hall.page(path, lang))[0].startswith(
+                "23:59:"
+            ), path
+        client.pass_time(30)
+        for path in ("/", "/alarms/banner"):
+            shown = re.findall(r"<time class=\"num\"[^>]*>(.*?)</time>", hall.page(path, lang))[0]
+            assert re.fullmatch(re.escape(told) + r":\d\d", shown), path
 
 
 def test_the_summary_counts_by_machine(hall: Hall) -> None:

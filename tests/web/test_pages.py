@@ -170,6 +170,17 @@ def test_who_asks_decides_the_form_of_an_error(start: Start) -> None:
     assert "&lt;b&gt;7&lt;/b&gt;" in answer.text and "<b>" not in answer.text
 
 
+UNKNOWN_ALARMS = {
+    "hr": "Alarmi nisu poznati: postrojenje se ne može pokrenuti",
+    "en": "Alarms not known: the plant cannot start",
+    "de": "Alarme nicht bekannt: Die Anlage kann nicht gestartet werden",
+    "cs": "Alarmy nejsou známy: provoz nelze spustit",
+}
+
+
+NO_ALARM = {"hr": "Nema aktivnih", "en": "No active", "de": "Keine anstehenden", "cs": "Žádné aktivní"}
+
+
 def test_a_broken_plant_is_explained_on_every_page(start: Start, tmp_path: Path) -> None:
     (tmp_path / "plant").mkdir()
     (tmp_path / "plant" / "plant.toml").write_text(
@@ -184,6 +195,13 @@ def test_a_broken_plant_is_explained_on_every_page(start: Start, tmp_path: Path)
         assert "Fehler in den Anlagendateien" in answer.text
         for word in ("plant.toml", "Mars/Olympus", "&lt;b&gt;nonsense&lt;/b&gt;", str(folder)):
             assert word in answer.text
+    for lang, told in UNKNOWN_ALARMS.items():
+        client.cookies.set("pogon_lang", lang)
+        banner = re.findall(r'class="banner-none".*?</div>(.*?)</section>', page := client.get("/").text, re.S)
+        assert unescape(re.findall(r'class="banner-none".*?<span>(.*?)</span>', page, re.S)[0]).strip() == told
+        assert 'class="counts"' not in banner[0] and "sys.alarms.total" not in banner[0], "0 would be a claim"
+        lists = [unescape(client.get(path).text) for path in ("/alarms", "/alarms?tab=unack", "/alarms/list")]
+        assert [one.count(told) for one in lists] == [2, 2, 1] and not any(NO_ALARM[lang] in one for one in lists)
     assert client.get("/", headers={"HX-Request": "true"}).status_code == 503
     assert client.get("/static/css/frame.css").status_code == 200
     assert send(client, "/language", {"to": "en"}).status_code == 303
