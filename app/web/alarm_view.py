@@ -238,9 +238,7 @@ class Drawing:
 
     def moment(self, micros: int) -> str:
         """Time of day to the millisecond when it is of today, else date and time."""
-        if fmt.date(micros, self.zone, self.lang) == fmt.date(self.now, self.zone, self.lang):
-            return fmt.clock_time(micros, self.zone, milliseconds=True, lang=self.lang)
-        return fmt.date_time(micros, self.zone, self.lang, self.now)
+        return fmt.moment_or_time(micros, self.zone, self.lang, self.now, milliseconds=True)
 
     def label_of(self, equipment: str) -> str:
         """Name of a machine, or of the system."""

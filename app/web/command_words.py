@@ -41,8 +41,9 @@ class CommandWords:
         return display if self._signed_in else self.equipment.text("access.role.operator")
 
     def time(self, micros: int) -> str:
-        """Time of day in the plant's zone."""
-        return fmt.clock_time(micros, self.zone) if micros else ""
+        """Time of day in the plant's zone, of another day with its date; empty for none."""
+        now = self.equipment.runtime.clock.micros()
+        return fmt.moment_or_time(micros, self.zone, self.equipment.lang, now) if micros else ""
 
     def explain_first(self, reasons: Sequence[RefusalReason]) -> str:
         """The first of `reasons` in words, with how many conditions are missing besides."""

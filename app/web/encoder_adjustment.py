@@ -339,7 +339,7 @@ def _end(operation: Operation, gate: Gate | None, story: Story | None) -> str:
 
 
 def _time(operation: Operation, micros: int) -> str:
-    return fmt.clock_time(micros, operation.zone, lang=operation.equipment.lang) if micros else ""
+    return operation.words.time(micros)
 
 
 def _answered(request: Request, operation: Operation, form: Mapping[str, str]) -> Response:

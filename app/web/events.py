@@ -405,9 +405,7 @@ class EventWords:
         return str(value) if isinstance(value, int) else fmt.number(value, fmt.shortest(value, 3), self.lang)
 
     def moment(self, micros: int) -> str:
-        if fmt.date(micros, self.zone, self.lang) == fmt.date(self.now, self.zone, self.lang):
-            return fmt.clock_time(micros, self.zone, milliseconds=True, lang=self.lang)
-        return fmt.date_time(micros, self.zone, self.lang, self.now)
+        return fmt.moment_or_time(micros, self.zone, self.lang, self.now, milliseconds=True)
 
     def item(self, equipment: str) -> Equipment | None:
         return self.runtime.plant.equipment.get(equipment) if self.runtime.plant else None

@@ -176,12 +176,13 @@ def date_time(micros: int, zone: ZoneInfo, lang: str, now: int, *, milliseconds:
     return f"{text} {_offset(moment)}" if repeated(moment) else text
 
 
-def moment_or_time(micros: int, zone: ZoneInfo, lang: str, now: int) -> str:
-    """Time of day when it is of today, else date and time; the repeated hour of autumn with its offset."""
+def moment_or_time(micros: int, zone: ZoneInfo, lang: str, now: int, *, milliseconds: bool = False) -> str:
+    """Time of day, if asked for to the ms, when it is of today, else date and time; the repeated hour of autumn with its offset."""
     moment, today = to_datetime(micros).astimezone(zone), to_datetime(now).astimezone(zone).date()
     if moment.date() != today:
         return date_time(micros, zone, lang, now)
-    return f"{clock_time(micros, zone)} {_offset(moment)}" if repeated(moment) else clock_time(micros, zone)
+    time = clock_time(micros, zone, milliseconds=milliseconds, lang=lang)
+    return f"{time} {_offset(moment)}" if repeated(moment) else time
 
 
 def iso(micros: int, zone: ZoneInfo) -> str:

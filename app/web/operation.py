@@ -129,15 +129,17 @@ class Operation:
         """Address of the machine."""
         return f"/equipment/{quote(self.id)}"
 
-    def moment(self, point: PointView) -> str:
-        """A time of the device itself [µs since it was first switched on] as time of day; empty when not known."""
+    def moment(self, point: PointView, *, milliseconds: bool = True) -> str:
+        """A time of the device itself [µs since it was first switched on], with its day unless that is today; empty when not known."""
         link = self.runtime.links.get(self.equipment.link)
         station = link.stations.get(self.equipment.unit_address) if link else None
         plc = station.service(PlcUnit) if station else None
         if plc is None or not point.usable or not isinstance(point.value, int | float):
             return ""
         time = plc.clock.utc(int(point.value))
-        return fmt.clock_time(time, self.zone, milliseconds=True, lang=self.equipment.lang)
+        return fmt.moment_or_time(
+            time, self.zone, self.equipment.lang, self.runtime.clock.micros(), milliseconds=milliseconds
+        )
 
     @property
     def adjustable(self) -> bool:

@@ -132,9 +132,7 @@ class RecordWords:
 
     def moment(self, micros: int) -> str:
         """A time, with its day unless that is today."""
-        if fmt.date(micros, self.zone, self.lang) == fmt.date(self.now, self.zone, self.lang):
-            return self.clock(micros)
-        return fmt.date_time(micros, self.zone, self.lang, self.now)
+        return fmt.moment_or_time(micros, self.zone, self.lang, self.now, milliseconds=True)
 
     def clock(self, micros: int | None) -> str:
         """A time of the day; empty for none."""

@@ -108,7 +108,8 @@ class SequencePlant:
         plant = self.equipment.runtime.plant
         filled = fmt.parameters(given.params, self.equipment.lang, self.equipment.text)
         if isinstance(since := given.params.get("since"), int):
-            filled["since"] = fmt.clock_time(since, ZoneInfo(plant.timezone if plant else "UTC"))
+            zone, now = ZoneInfo(plant.timezone if plant else "UTC"), self.equipment.runtime.clock.micros()
+            filled["since"] = fmt.moment_or_time(since, zone, self.equipment.lang, now)
         label = given.params.get("label")
         filled["label"] = machine.told(str(label), given.params) if label else machine.label
         return self.equipment.text(given.reason, **filled).rstrip()

@@ -353,6 +353,14 @@ def test_the_banner_says_of_which_day_an_alarm_is(tmp_path: Path, lang: str, tol
             assert re.fullmatch(re.escape(told) + r":\d\d", shown), path
 
 
+def test_the_hour_that_comes_twice_is_told_apart(tmp_path: Path) -> None:
+    with virtual.house(Settings(data=tmp_path / "data"), begin=datetime(2026, 10, 25, 0, 30, 5, tzinfo=UTC)) as client:
+        hall = Hall(client)
+        hall.tell("stop_unconfirmed", "m2")
+        for path in ("/alarms/list", "/alarms/banner"):
+            assert re.search(r"02:30:\d\d(,\d{3})? \+02:00", hall.page(path, "hr")), path
+
+
 def test_the_summary_counts_by_machine(hall: Hall) -> None:
     hall.tell("stop_unconfirmed", "m2")
     hall.tell("audit_broken")

@@ -5,6 +5,7 @@ from zoneinfo import ZoneInfo
 
 import pytest
 
+from app.clock import ManualClock
 from app.commands.interlocks import RefusalReason
 from app.commands.lifecycle import Progress, ProgressState
 from app.errors import Refused
@@ -26,6 +27,7 @@ class Nothing:
     """A runtime without a value."""
 
     plant = PLANT
+    clock = ManualClock(fmt.to_datetime(ASKED))
     tags: dict[str, object] = {}  # noqa: RUF012
 
 
@@ -55,6 +57,14 @@ def test_the_kind_of_the_line_is_how_it_ended() -> None:
     }
     info = {ProgressState.REQUESTED, ProgressState.ACCEPTED, ProgressState.SUPERSEDED}
     assert {state for state, kind in kinds.items() if kind == "info"} == info
+
+
+@pytest.mark.parametrize(("lang", "day"), [("hr", "24.02."), ("en", "24/02"), ("de", "24.02."), ("cs", "24.02.")])
+def test_what_was_yesterday_has_its_day(lang: str, day: str) -> None:
+    today, yesterday = words(lang).time(ASKED), words(lang).time(ASKED - 86_400_000_000)
+    assert yesterday == f"{day} {today}"
+    told = words(lang).tell(progress(ProgressState.CONFIRMED, accepted=ASKED - 86_400_000_000, ended=ASKED)).text
+    assert told.count(day) == 1
 
 
 def test_a_guest_learns_no_name() -> None:

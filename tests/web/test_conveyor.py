@@ -5,6 +5,7 @@ import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from app import bundled
 from app.access.audit.search import Filter
 from app.plant.loader import read_plant
 from app.running.page_tags import page_tags
+from app.settings import Settings
 from app.sim.conveyor import training as own
 from app.sim.machines import MACHINE_FAULTS
 from app.tags.quality import is_bad, is_good
@@ -22,6 +24,7 @@ from app.web.drawing import Scale
 from app.web.points import EquipmentView, PointView
 from app.web.tables import TableView
 from tests.line_plant import plant
+from tests.virtual import house
 from tests.web.conftest import _running
 from tests.web.operating import Operator, button, line_of, runtime_of, until, words
 from tests.web.people import Staff
@@ -390,6 +393,23 @@ def test_a_jam_is_caused_stops_the_line_and_is_told_as_the_first_cause(crew: Sta
         assert "Section 2: belt jams" in line.get("/instructor/c1/active").text
     finally:
         crew.post("/instructor/c1/fault", {"code": "0"})
+
+
+def test_what_stopped_the_line_yesterday_is_not_told_as_of_today(folder: Path, tmp_path: Path) -> None:
+    evening = datetime(2026, 3, 9, 22, 59, 30, tzinfo=UTC)  # half a minute before the midnight of the plant
+    with house(Settings(plant=folder, data=tmp_path / "data"), begin=evening) as client:
+        crew = Staff(client)
+        crew.have(crew.enter("ivana", "engineer"))
+        client.cookies.set("pogon_lang", "de")
+        assert until(lambda: value(client, "c1.state") is not None)
+        assert crew.post("/instructor/c1/fault", {"code": "2"}).status_code == 303
+        assert until(lambda: value(client, "c1.first_out"), 20)
+        told = re.compile(r"\b09\.03\. 23:59:\d\d$|\b23:59:\d\d,\d{3}$")
+        seen = told.search(words(client.get("/equipment/c1/part/first").text).strip())
+        assert seen and seen[0].startswith("23:59:")
+        client.pass_time(40)
+        seen = told.search(words(client.get("/equipment/c1/part/first").text).strip())
+        assert seen and seen[0].startswith("09.03. 23:59:")
 
 
 @pytest.mark.parametrize(

@@ -194,6 +194,7 @@ def test_the_hour_that_comes_twice_in_autumn_is_told_apart() -> None:
     assert fmt.moment_or_time(first, ZAGREB, "hr", second) == "02:30:00 +02:00"
     assert fmt.moment_or_time(second, ZAGREB, "hr", second) == "02:30:00 +01:00"
     assert fmt.moment_or_time(second + 3_600_000_000, ZAGREB, "hr", second) == "03:30:00"
+    assert fmt.moment_or_time(first + 7_000, ZAGREB, "hr", second, milliseconds=True) == "02:30:00,007 +02:00"
 
 
 @pytest.mark.parametrize(
