@@ -58,6 +58,7 @@ async def test_everything_older_put_back_is_found_by_an_anchor_elsewhere(
     verdict = access.audit.check_now(tmp_path / "copied")
     assert (verdict.bad, verdict.why) == (13, "cut")
     access.close()
+    database.close()
 
 
 async def test_anchors_hang_together(access: Access, data: Path, clock: ManualClock) -> None:
