@@ -78,7 +78,8 @@ def test_a_coil_is_carried_from_the_mandrel_to_a_saddle(sit: Sit) -> None:
     under = car.evaluate(place)
     assert under < before - 20, "the car went under the mandrel"
     expect(head(page)).to_contain_text(
-        re.compile(r"[Ss]tep 7 .*[\d.]+\ss, allowed 60.0\ss\s*Step 8 waits: not: Car is at its saddle"), timeout=60_000
+        re.compile(r"[Ss]tep 7 .*[\d.]+\ss, allowed 60.0\ss\s*Step 8 waits: missing: Car is at its saddle"),
+        timeout=60_000,
     )
     expect(head(page)).to_contain_text(re.compile(r"Done in \d"), timeout=90_000)
     assert car.evaluate(place) > under + 200, "and then to the saddle"
@@ -96,7 +97,7 @@ def test_a_stall_says_what_is_missing_and_what_fell_first(sit: Sit) -> None:
         expect(head(page)).to_contain_text(
             re.compile(r"Stalled: step \d waits [\d.]+\ss, allowed 60.0\ss"), timeout=30_000
         )
-        expect(head(page)).to_contain_text(re.compile(r"Step \d waits: .*not: Pressure is there"))
+        expect(head(page)).to_contain_text(re.compile(r"Step \d waits: .*missing: Pressure is there"))
         expect(page.locator(".q-word .miss").filter(has_text="Pressure is there")).to_have_count(1)
         first = page.locator(".q-first li").filter(has_text="Pressure is there").first
         expect(first).to_contain_text(re.compile(r"\d\d:\d\d:\d\d\.\d{3}"))
