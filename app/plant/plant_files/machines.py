@@ -97,7 +97,7 @@ class Machines:
             label = dict(definition.label)
         options = read_options(table, data, data.type.presets.get(preset, {}), definition)
         overrides = read_overrides(table, data, repeated=bool(count))
-        base = read_base(table, data.type, links.get(link))
+        base, step = read_base(table, data.type, links.get(link))
         table.done()
         alarms, tables = (
             tuple(data.type.alarms),
@@ -119,10 +119,12 @@ class Machines:
             was=was,
             base=base,
         )
-        for number, item in _repeated(one, self._within_units(table, unit, count)):
+        for number, item in _repeated(one, count if step else self._within_units(table, unit, count), step):
             if self.too_many:
                 return
-            self._add(table, data, item, overrides, links)
+            if not self._add(table, data, item, overrides, links):
+                self.unread.add(key)
+                return  # the next ones of the row would say the same
             if definition:
                 self.named[item.id] = NamedMachine(table, machine, number)
 
@@ -158,11 +160,11 @@ class Machines:
         item: Equipment,
         overrides: Mapping[str, Mapping[str, Any]],
         links: Mapping[str, Link],
-    ) -> None:
-        """`item`, which lacks only its points."""
+    ) -> bool:
+        """`item`, which lacks only its points. False = its id or its registers are another one's."""
         if item.id in self.found:
             table.note("repeat", item.id, said("mistake.ids_taken"))
-            return
+            return False
         points = {point.key: point for point in self._own_points(table, data, item, overrides)}
         for key, slots in item.tables.items():
             for cell in _cells(data.columns[key], data.type.tables[key], slots, item):
@@ -171,8 +173,7 @@ class Machines:
         self._points += len(points)
         whole = with_recipe(replace(item, points=points))
         self.found[item.id] = whole
-        if item.link in links:
-            self._units.take(table, whole, line_of(links[item.link]))
+        return item.link not in links or self._units.take(table, whole, line_of(links[item.link]))
 
     def _own_points(
         self, table: Table, data: TypeData, item: Equipment, overrides: Mapping[str, Mapping[str, Any]]
@@ -202,8 +203,8 @@ class Machines:
             yield found
 
 
-def _repeated(one: Equipment, count: int) -> Iterator[tuple[int, Equipment]]:
-    """`one` itself as number 0, or `count` of them from number 1, on units that count up."""
+def _repeated(one: Equipment, count: int, step: int) -> Iterator[tuple[int, Equipment]]:
+    """`one` itself as number 0, or `count` of them from number 1: on units that count up, or on one unit, each `step` registers on."""
     if not count:
         yield 0, one
     width = max(2, len(str(count)))
@@ -211,7 +212,11 @@ def _repeated(one: Equipment, count: int) -> Iterator[tuple[int, Equipment]]:
         suffix = f"_{number:0{width}d}"
         label = {language: _numbered(text, number) for language, text in one.label.items()}
         was = one.was + suffix if one.was else ""
-        yield number, replace(one, id=one.id + suffix, was=was, unit=one.unit + number - 1, label=label)
+        unit = one.unit if step else one.unit + number - 1
+        yield (
+            number,
+            replace(one, id=one.id + suffix, was=was, unit=unit, base=one.base + step * (number - 1), label=label),
+        )
 
 
 def _numbered(text: str, number: int) -> str:

@@ -15,16 +15,28 @@ Place = tuple[str, int]
 """Table and address."""
 
 
-def read_base(table: Table, kind: EquipmentType, link: Link | None) -> int:
-    """What is added to every address of the machine of this row."""
+def read_base(table: Table, kind: EquipmentType, link: Link | None) -> tuple[int, int]:
+    """What is added to every address of the machine of this row; and by how much that grows from one to the next of `repeat`, 0 = each
+    has the same on a unit of its own."""
     base = int(table.whole("base", 0, 0, LAST_ADDRESS))
-    if not table.has("base"):
-        return 0
+    step = int(table.whole("base_step", 0, 1, LAST_ADDRESS))
+    if table.has("base_step") and not table.has("repeat"):
+        table.note("base_step", step, said("mistake.base_step_repeat"))
+    given = _given(table)
+    if not given:
+        return 0, 0
     if kind.device.services:
-        table.note("base", base, said("mistake.base_services", type=kind.name))
+        table.note(given, table.raw(given), said("mistake.base_services", type=kind.name))
     elif link is not None and link.transport == "memory" and kind.simulation is None:
-        table.note("base", base, said("mistake.base_simulated"))
-    return base
+        table.note(given, table.raw(given), said("mistake.base_simulated"))
+    return base, step
+
+
+def _given(table: Table) -> str:
+    """The key by which this row lets its machines begin elsewhere; empty = it does not."""
+    if table.has("base"):
+        return "base"
+    return "base_step" if table.has("base_step") and table.has("repeat") else ""
 
 
 def moved(point: Point, base: int) -> Point:
@@ -51,21 +63,22 @@ class Units:
     def __init__(self) -> None:
         self._units: dict[tuple[str, int], _Unit] = {}
 
-    def take(self, table: Table, item: Equipment, line: str) -> None:
-        """`item`, with its points, has its unit of `line`: for itself, or beside others where one of them says `base`."""
+    def take(self, table: Table, item: Equipment, line: str) -> bool:
+        """`item`, with its points, has its unit of `line`: for itself, or beside others where one says `base`. False = it cannot."""
         unit = self._units.setdefault((line, item.unit), _Unit(item))
-        unit.based = unit.based or table.has("base")
+        unit.based = unit.based or bool(_given(table))
         if unit.first is not item and (fault := _fault(item, unit, line)):
             table.note("unit", item.unit, fault)
-            return
+            return False
         for place, name in _places(item) if unit.based else ():
             owner = unit.places.setdefault(place, name)
             if place[1] > LAST_ADDRESS or owner != name:
                 end = said("mistake.base_end", point=name, last=LAST_ADDRESS)
                 where = {"table": place[0], "address": f"0x{place[1]:04X}"}
                 shared = said("mistake.base_free", point=name, other=owner, **where)
-                table.note("base", item.base, end if place[1] > LAST_ADDRESS else shared)
-                return
+                table.note(_given(table) or "base", item.base, end if place[1] > LAST_ADDRESS else shared)
+                return False
+        return True
 
 
 def _fault(item: Equipment, unit: _Unit, line: str) -> str:

@@ -77,6 +77,40 @@ def test_a_machine_that_stands_alone_may_have_a_base_too_and_a_third_one_is_look
     assert [key for key, _ in problems] == ["equipment.w3.base"] and "w2.weight" in problems[0][1]
 
 
+def test_a_row_repeated_with_a_step_is_many_machines_of_one_unit(tmp_path: Path) -> None:
+    plant, problems = read(tmp_path / "many", PLANT + SECOND + "base = 100\nrepeat = 3\nbase_step = 20\n")
+    assert plant is not None and not problems
+    found = {item.id: (item.unit, item.base) for item in plant.equipment.values()}
+    assert found == {"w1": (1, 0), "w2_01": (1, 100), "w2_02": (1, 120), "w2_03": (1, 140)}
+    weights = [item.points["weight"].register for item in plant.equipment.values()]
+    assert [register and register.address for register in weights] == [1, 101, 121, 141]
+    many, problems = read(tmp_path / "most", PLANT.replace("unit = 1", "unit = 247\nrepeat = 300\nbase_step = 9"))
+    assert many is not None and not problems, "units do not count up: there are enough of them"
+    assert {item.unit for item in many.equipment.values()} == {247} and many.equipment["w1_300"].base == 2691
+
+
+@pytest.mark.parametrize(
+    ("more", "key", "expected"),
+    [
+        ("base_step = 20\n", "base_step", "with `repeat` only"),
+        ("repeat = 3\nbase = 100\nbase_step = 0\n", "base_step", "from 1 to 65535"),
+        (
+            "repeat = 3\nbase = 100\nbase_step = 8\n",
+            "base",
+            "w2_02.weight does not lie on w2_01.bits: both have 0x006D",
+        ),
+        ("repeat = 3\nbase_step = 20\n", "base_step", "w2_01.weight does not lie on w1.weight"),
+        ("repeat = 3\nbase = 100\nbase_step = 40000\n", "base", "w2_03.weight ends at 65535 at most"),
+    ],
+)
+def test_a_step_is_judged_as_a_base_is_and_its_mistake_is_told_once(
+    tmp_path: Path, more: str, key: str, expected: str
+) -> None:
+    _, problems = read(tmp_path, PLANT + SECOND + more)
+    told = [text for name, text in problems if name == f"equipment.w2.{key}"]
+    assert len(told) == 1 and expected in told[0], problems
+
+
 def test_a_unit_is_one_device(tmp_path: Path) -> None:
     folder = written(tmp_path, PLANT, device=DEVICE, points=POINTS, texts_en=TEXTS)
     other = DEVICE.replace("[device]", "[device]\nmax_read = 9\nholes = [[30, 40]]")
@@ -98,6 +132,7 @@ def test_a_unit_is_one_device(tmp_path: Path) -> None:
         ('type = "conveyor"\nlink = "line"\nunit = 2\nbase = 100\npreset = "model"\n', "what conveyor has besides registers"),
         ('type = "eura_e800"\nlink = "line"\nunit = 2\nbase = 100\n', "what eura_e800 has besides registers"),
         ('type = "scale"\nlink = "memory"\nunit = 2\nbase = 100\n', "on a simulated link"),
+        ('type = "scale"\nlink = "memory"\nunit = 2\nbase = 1\nrepeat = 2\nbase_step = 9\n', "on a simulated link"),
     ],
 )  # fmt: skip
 def test_what_has_fixed_addresses_has_no_base(tmp_path: Path, machine: str, expected: str) -> None:
