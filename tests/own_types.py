@@ -236,7 +236,7 @@ area = "scales"
 tile = ["weight"]
 [device]
 max_write = 2
-write_functions = [6, 16]
+write_functions = [6, 16, 22]
 fast = 0.2
 holes = [[8, 9]]
 """,
@@ -266,6 +266,16 @@ texts = [0, 1]
 address = 4
 kind = "step"
 writable = true
+[damping]
+address = 5
+mask = 15
+shift = 4
+kind = "step"
+writable = true
+[turns]
+address = 5
+mask = 15
+kind = "step"
 [name]
 address = 10
 type = "string"
@@ -290,6 +300,10 @@ writes = [{ point = "command", value = 1 }]
 feedback = "zeroed == 1"
 timeout = 3
 moves = false
+[damp]
+writes = [{ point = "damping", value = 9 }]
+feedback = "damping == 9"
+moves = false
 [set_load]
 writes = [{ point = "load", value = "argument" }]
 feedback = "abs(load - argument) < 0.0006"
@@ -301,6 +315,8 @@ moves = false
 name = "W-1"
 load = 12.5
 status = 1
+damping = 2
+turns = 5
 [values.weight]
 to = "load * (zeroed == 0)"
 lag = 0.5
@@ -325,6 +341,8 @@ status = "Status"
 stable = "Stable"
 zeroed = "Zeroed"
 command = "Command"
+damping = "Damping"
+turns = "Turns"
 name = "Name"
 load = "Load"
 [choice]
@@ -334,6 +352,7 @@ zeroed.0 = "no"
 zeroed.1 = "yes"
 [command]
 zero = "Zero"
+damp = "Damp"
 set_load = "Set load"
 """,
 }

@@ -13,7 +13,7 @@ from app.links.station import Station
 from app.links.statistics import LinkState
 from app.plant.definitions import Equipment, Register, Type
 from app.registers.codec import encode, own_bits
-from app.registers.pdu import FUNCTIONS, WRITE_COIL, WRITE_COILS, WRITE_MULTIPLE, WRITE_SINGLE
+from app.registers.pdu import FUNCTIONS, MASK_WRITE, WRITE_COIL, WRITE_COILS, WRITE_MULTIPLE, WRITE_SINGLE
 
 
 class Writes:
@@ -33,9 +33,14 @@ class Writes:
             return await service.write([(name, register, words)])
         function = _write_function(station, name, register, words)
         self.check(station, urgent=urgent)
-        if own_bits(register) is not None and register.readable:
-            words = await self._merged(station, register, words)
-        await self.send(item.unit, register.address, words, function, urgent=urgent, machine=item.id)
+        own = own_bits(register)
+        if own is not None and function == MASK_WRITE:
+            sent: Sequence[int] = (~own[0] & 0xFFFF, words[0] & own[0])
+        elif own is not None and register.readable:
+            sent = await self._merged(station, register, words)
+        else:
+            sent = words
+        await self.send(item.unit, register.address, sent, function, urgent=urgent, machine=item.id)
         self._runner.written(station, register.address, len(words), FUNCTIONS[register.table])
         return 0
 
@@ -130,6 +135,8 @@ def _write_function(station: Station, name: str, register: Register, words: Sequ
             if function in device.write_functions:
                 return function
         raise LinkError(f"{name}: a coil cannot be written with functions {list(device.write_functions)}")
+    if len(words) == 1 and own_bits(register) is not None and MASK_WRITE in device.write_functions:
+        return MASK_WRITE  # the device keeps the bits of others itself
     if len(words) == 1 and WRITE_SINGLE in device.write_functions:
         return WRITE_SINGLE
     if WRITE_MULTIPLE in device.write_functions and len(words) <= max(1, device.max_write):

@@ -1,7 +1,7 @@
 """Modbus telegrams without their envelope: function code and data, built and parsed on both ends.
 
-A PDU is what RTU (unit, PDU, check sum) and TCP (header, PDU) have in common, at most 253 bytes. Function codes 03, 04, 06, 16 and 23
-of registers, 01, 02, 05 and 15 of bits, of which a "word" is 0 or 1; limits from the Modbus application protocol 1.1b3
+A PDU is what RTU (unit, PDU, check sum) and TCP (header, PDU) have in common, at most 253 bytes. Function codes 03, 04, 06, 16, 22
+and 23 of registers, 01, 02, 05 and 15 of bits, of which a "word" is 0 or 1; limits from the Modbus application protocol 1.1b3
 (reference/modbus.md section 2).
 """
 
@@ -20,9 +20,11 @@ WRITE_COIL = 5
 WRITE_SINGLE = 6
 WRITE_COILS = 15
 WRITE_MULTIPLE = 16
+MASK_WRITE = 22
+"""The device itself keeps the bits of one register that a mask covers: nothing that it changes meanwhile is lost."""
 READ_WRITE = 23
 READS = (READ_COILS, READ_DISCRETE, READ_HOLDING, READ_INPUT, READ_WRITE)
-WRITES = (WRITE_COIL, WRITE_SINGLE, WRITE_COILS, WRITE_MULTIPLE, READ_WRITE)
+WRITES = (WRITE_COIL, WRITE_SINGLE, WRITE_COILS, WRITE_MULTIPLE, MASK_WRITE, READ_WRITE)
 FUNCTIONS: Mapping[str, int] = {
     "holding": READ_HOLDING,
     "input": READ_INPUT,
@@ -49,6 +51,7 @@ _MOST_WRITTEN = {
     WRITE_SINGLE: 1,
     WRITE_COILS: MAX_WRITE_BITS,
     WRITE_MULTIPLE: MAX_WRITE,
+    MASK_WRITE: 2,
     READ_WRITE: MAX_READ_WRITE,
 }
 
@@ -58,6 +61,7 @@ ILLEGAL_VALUE = 3
 SERVER_FAILURE = 4
 
 _PAIR = Struct(">HH")
+_TRIPLE = Struct(">HHH")
 _WRITE_HEAD = Struct(">HHB")
 _READ_WRITE_HEAD = Struct(">HHHHB")
 
@@ -73,7 +77,8 @@ class Request:
     """Registers to read; 0 when the function only writes."""
     write_address: int = 0
     words: tuple[int, ...] = ()
-    """Raw words to write from `write_address` on; empty when the function only reads."""
+    """Raw words to write from `write_address` on; empty when the function only reads. Of function 22 the mask of the bits that stay and
+    what the others become, both for the one register there."""
 
     @property
     def addresses(self) -> tuple[int, ...]:
@@ -126,6 +131,8 @@ def _build(request: Request) -> bytes:
     head = bytes((request.function,))
     if request.function in (WRITE_SINGLE, WRITE_COIL):
         return head + _PAIR.pack(request.write_address, _single(request))
+    if request.function == MASK_WRITE:
+        return head + _TRIPLE.pack(request.write_address, *request.words)
     if request.function in (WRITE_MULTIPLE, WRITE_COILS):
         return head + _WRITE_HEAD.pack(request.write_address, len(request.words), len(words)) + words
     if request.function == READ_WRITE:
@@ -138,7 +145,7 @@ def parse_request(pdu: bytes) -> Request:
     """The request in `pdu`, as a slave reads it.
 
     Raises:
-        DeviceException: 01 for a function that is none of 01 to 06, 15, 16, 23; 03 for a wrong length or count, or a coil that
+        DeviceException: 01 for a function that is none of 01 to 06, 15, 16, 22, 23; 03 for a wrong length or count, or a coil that
             is neither on nor off; 02 for a range that ends behind 0xFFFF.
     """
     function = pdu[0] if pdu else 0
@@ -162,6 +169,9 @@ def _parse(function: int, data: bytes) -> Request:
         address, word = _PAIR.unpack(data)
         # what is neither on nor off stays itself, and so is no bit
         return Request(function, write_address=address, words=({COIL_ON: 1, 1: COIL_ON}.get(word, word),))
+    if function == MASK_WRITE:
+        address, stay, become = _TRIPLE.unpack(data)
+        return Request(function, write_address=address, words=(stay, become))
     if function in (WRITE_MULTIPLE, WRITE_COILS):
         address, count, size = _WRITE_HEAD.unpack_from(data)
         return Request(function, write_address=address, words=_words(data[_WRITE_HEAD.size :], count, size, function))
@@ -207,12 +217,14 @@ def _fault_of(request: Request) -> int:
     if function not in READS and function not in WRITES:
         return ILLEGAL_FUNCTION
     most, largest = _MOST_WRITTEN.get(function, 0), 1 if function in BITS else 0xFFFF
-    if not (1 if most else 0) <= words <= most or any(not 0 <= word <= largest for word in request.words):
+    fewest = most if function == MASK_WRITE else min(most, 1)
+    if not fewest <= words <= most or any(not 0 <= word <= largest for word in request.words):
         return ILLEGAL_VALUE
     reads = _MOST_READ.get(function, 0)
     if not (1 if reads else 0) <= request.count <= reads:
         return ILLEGAL_VALUE
-    for first, span in ((request.address, request.count), (request.write_address, words)):
+    written = 1 if function == MASK_WRITE else words
+    for first, span in ((request.address, request.count), (request.write_address, written)):
         if not 0 <= first <= 0x10000 - max(span, 1):
             return ILLEGAL_ADDRESS
     return 0
@@ -226,7 +238,15 @@ def build_answer(request: Request, words: Sequence[int] = ()) -> bytes:
         return head + bytes((len(data),)) + data
     if request.function in (WRITE_SINGLE, WRITE_COIL):
         return head + _PAIR.pack(request.write_address, _single(request))
+    if request.function == MASK_WRITE:
+        return head + _TRIPLE.pack(request.write_address, *request.words)
     return head + _PAIR.pack(request.write_address, len(request.words))
+
+
+def masked(now: int, words: Sequence[int]) -> int:
+    """What a register that holds `now` holds after function 22 with `words`: (now AND stay) OR (become AND NOT stay)."""
+    stay, become = words
+    return now & stay | become & ~stay & 0xFFFF
 
 
 def exception_answer(function: int, code: int) -> bytes:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from app.registers.crc import crc_holds, with_crc
 from app.registers.pdu import (
     BITS,
+    MASK_WRITE,
     READ_HOLDING,
     READ_WRITE,
     READS,
@@ -61,6 +62,8 @@ def request_length(frame: bytes | bytearray) -> int | None:
     function = frame[1] if len(frame) > 1 else 0
     if function in SHORT:
         return 8
+    if function == MASK_WRITE:
+        return 10
     if function in (WRITE_MULTIPLE, WRITE_COILS) and len(frame) > 6:
         return 9 + frame[6]
     if function == READ_WRITE and len(frame) > 10:
@@ -106,8 +109,10 @@ class Framer:
 
 def write_time(baud: int, count: int = 1, function: int = WRITE_SINGLE) -> float:
     """Wire time of one write of `count` registers, or bits, and its echo with both silences, without the slave's turnaround [s]."""
-    request = 8 if function in SHORT else 9 + size_of(function, count)
-    return character_time(baud) * (request + 8) + 2 * silence(baud)
+    request, echo = 8 if function in SHORT else 9 + size_of(function, count), 8
+    if function == MASK_WRITE:
+        request = echo = 10
+    return character_time(baud) * (request + echo) + 2 * silence(baud)
 
 
 def answer_length(frame: bytes | bytearray) -> int | None:
@@ -122,6 +127,8 @@ def answer_length(frame: bytes | bytearray) -> int | None:
             return None
         whole = frame[2] and (function in BITS or frame[2] % 2 == 0)
         return 5 + frame[2] if whole and 5 + frame[2] <= MAX_FRAME else 0
+    if function == MASK_WRITE:
+        return 10  # the echo has both masks
     return 8 if function in WRITES else 0
 
 

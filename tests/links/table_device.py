@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 
 from app.errors import DeviceException
-from app.registers.pdu import Request
+from app.registers.pdu import Request, masked
 from tests.links.devices import RegisterDevice
 
 READ = {1: "coil", 2: "discrete", 3: "holding", 4: "input"}
-WRITTEN = {5: "coil", 15: "coil", 6: "holding", 16: "holding"}
+WRITTEN = {5: "coil", 15: "coil", 6: "holding", 16: "holding", 22: "holding"}
 
 
 class TableDevice(RegisterDevice):
@@ -35,6 +35,8 @@ class TableDevice(RegisterDevice):
         if function not in self.functions:
             raise DeviceException(1)
         cells = self.tables[WRITTEN[function]]
+        if function == 22 and address in cells:
+            words = [masked(cells[address], words)]
         for at, word in enumerate(words, address):
             if at not in cells:
                 raise DeviceException(2)

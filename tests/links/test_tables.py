@@ -1,7 +1,7 @@
 """Every table, width and order over every transport: what the device holds is what the tag says, and what is written arrives."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
 
@@ -145,6 +145,53 @@ async def test_coils_are_read_and_written_and_discrete_inputs_read(name: str, fu
             await line.link.write("m", "discrete_1", 1)
         reads = {(request.function, request.address, request.count) for request in device.requests if request.count}
         assert {(1, 0, 20), (2, 0, 20)} <= reads and all(one[0] in (1, 2) for one in reads), "no telegram of registers"
+
+
+class Busy(TableDevice):
+    """A device that counts in the low byte of its register, at every telegram that reaches it."""
+
+    def write(self, function: int, address: int, words: Sequence[int]) -> None:
+        self.count()
+        super().write(function, address, words)
+
+    def read(self, function: int, address: int, count: int) -> list[int]:
+        words = super().read(function, address, count)
+        self.count()
+        return words
+
+    def count(self) -> None:
+        cells = self.tables["holding"]
+        cells[5] = cells[5] & 0xFF00 | (cells[5] + 1) & 0xFF
+
+
+@pytest.mark.parametrize("order", [Order.ABCD, Order.BADC])
+@pytest.mark.parametrize("name", list(TRANSPORTS))
+async def test_bits_of_a_register_that_the_device_changes_meanwhile_are_not_lost(name: str, order: Order) -> None:
+    """Read, put together and written back they would be: function 22 leaves them to the device."""
+    swapped = order is Order.BADC
+    mask, shift = (0x0F, 4) if swapped else (0x0F, 12)  # the highest bits of the register either way
+    points = [
+        point("m", "mode", 5, type=Type.U16, mask=mask, shift=shift, order=order, writable=True),
+        point("m", "blind", 6, type=Type.U16, mask=1, shift=3, readable=False, writable=True),
+        point("m", "level", 7, writable=True),
+    ]
+    device = Busy({"holding": {5: 0x3000, 6: 0xFFF7, 7: 0}})
+    known = Device(timeout=0.4, fast=0.1, write_functions=(6, 22))
+    async with linked(name, device, points, known) as line:
+        await until(lambda: line.value("m.mode") == 3)
+        for value in (9, 0, 15):
+            before, device.requests = device.tables["holding"][5] & 0xFF, []
+            await line.link.write("m", "mode", value)
+            told = [request.function for request in device.requests]
+            assert told.count(22) == 1 and 6 not in told
+            at = told.index(22)
+            assert device.tables["holding"][5] >> 12 == value
+            assert (device.tables["holding"][5] - before) % 0x100 >= at + 1, "it went on counting, and none was lost"
+            await until(lambda value=value: line.value("m.mode") == value)
+        await line.link.write("m", "blind", 1)
+        assert device.tables["holding"][6] == 0xFFFF, "it needs no look at what is there"
+        await line.link.write("m", "level", 4)
+        assert device.tables["holding"][7] == 4 and device.requests[-1].function in (3, 6)
 
 
 @pytest.mark.parametrize("name", list(TRANSPORTS))

@@ -54,6 +54,8 @@ async def test_bits_of_a_server_that_is_not_ours_are_read_and_written(free_port:
     await transport.write(1, 3, [1], 30, 5)
     await transport.write(1, 5, [1, 0, 1, 1, 1, 1, 1, 1, 1], 30, 15)
     assert await transport.read(1, Block(0, 17, 1), 30) == [int(bit) for bit in "00010101111111000"]
+    await transport.write(1, 8, [0xFF0F, 0x0030], 30, 22)
+    assert await transport.read(1, Block(7, 3, 3), 30) == [7, 0x37, 7]
     await transport.write(1, 3, [0], 30, 5)
     assert await transport.read(1, Block(3, 1, 1), 30) == [0]
     await transport.close()

@@ -12,6 +12,7 @@ from app.registers.pdu import (
     build_answer,
     build_request,
     exception_answer,
+    masked,
     parse_answer,
     parse_request,
     read_request,
@@ -114,6 +115,8 @@ def test_one_turned_bit_is_always_found(data: bytes, bit: int, draw: st.DataObje
         ("10 01 00 00 02 02 00 01 00 02", 3),
         ("10 FF FF 00 02 04 00 01 00 02", 2),
         ("10 00 00 00 7C F8" + " 00" * 248, 3),
+        ("16 00 04 00 F2", 3),
+        ("16 00 04 00 F2 00 25 00", 3),
         ("17 10 00 00 01 01 00 00 01 02 00", 3),
     ],
 )
@@ -157,6 +160,26 @@ def test_telegrams_of_bits_are_those_of_the_protocol(asked: str, answer: str, re
     frame = build_frame(1, bytes.fromhex(asked))
     assert request_length(frame) == len(frame)
     assert answer_length(build_frame(1, bytes.fromhex(answer))) == len(bytes.fromhex(answer)) + 3
+
+
+def test_the_telegram_of_masks_is_that_of_the_protocol() -> None:
+    """Section 6.16 of the application protocol 1.1b3: 0x12 AND 0xF2, OR 0x25 AND NOT 0xF2, is 0x17."""
+    asked, request_ = bytes.fromhex("16 00 04 00 F2 00 25"), Request(22, write_address=4, words=(0xF2, 0x25))
+    assert build_request(request_) == asked and parse_request(asked) == request_
+    assert build_answer(request_) == asked and parse_answer(request_, asked) == []
+    with pytest.raises(BadAnswer):
+        parse_answer(request_, bytes.fromhex("16 00 04 00 F2 00 24"))
+    frame = build_frame(1, asked)
+    assert request_length(frame) == answer_length(frame) == len(frame) == 10
+    assert masked(0x12, (0xF2, 0x25)) == 0x17
+    assert masked(0xABCD, (0xFF0F, 0x0030)) == 0xAB3D and masked(0xFFFF, (0, 0)) == 0
+    assert parse_request(bytes.fromhex("16 FF FF 00 00 FF FF")).write_address == 0xFFFF, "it is one register"
+
+
+@pytest.mark.parametrize("words", [(), (1,), (1, 2, 3), (0x10000, 0), (0, -1)])
+def test_masks_that_no_telegram_can_carry_are_refused(words: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="no telegram"):
+        build_request(Request(22, write_address=4, words=words))
 
 
 @given(st.lists(st.integers(0, 1), min_size=1, max_size=1968), st.integers(0, 60_000))

@@ -57,6 +57,7 @@ def test_what_is_too_short_too_long_or_damaged_is_no_frame(frame: bytes) -> None
         ("01 10 00 00 00 02 04", 13),
         ("01 17 00 00 00 02 00 09 00 01", None),
         ("01 17 00 00 00 02 00 09 00 01 02", 15),
+        ("01 16", 10),
         ("01 2B", None),
     ],
 )
@@ -77,6 +78,7 @@ def test_a_request_announces_its_length(begun: str, length: int | None) -> None:
         ("01 17 02", 7),
         ("01 06", 8),
         ("01 10", 8),
+        ("01 16", 10),
         ("01 2B", 0),
     ],
 )

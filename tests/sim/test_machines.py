@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from app.errors import DeviceException
 from app.plant.loader import read_plant
 from app.settings import Settings
 from app.sim.device import VirtualDevice
@@ -30,6 +31,16 @@ def test_it_takes_each_fault_that_it_names(kind: str) -> None:
         device.write(6, REG_MACHINE_FAULT, [code])
         device.step()
         assert device.read(3, REG_MACHINE_FAULT, 1) == [code]
+
+
+@pytest.mark.parametrize("address", [0x0000, 0x1000, 0x2000, 0x3000, 40100, 0xE010])
+@pytest.mark.parametrize("kind", MACHINES)
+def test_masks_that_its_device_does_not_know_change_nothing(kind: str, address: int) -> None:
+    device: VirtualDevice = VIRTUAL_DEVICES[kind](MACHINES[kind], 1)
+    assert 22 not in MACHINES[kind].type.device.write_functions
+    with pytest.raises(DeviceException) as refused:
+        device.write(22, address, [0, 1])
+    assert refused.value.code == 1
 
 
 @pytest.mark.parametrize("kind", MACHINES)

@@ -76,12 +76,15 @@ def test_commands_are_confirmed_by_what_the_machine_says(client: VirtualClient) 
         ("e1", "on", "e1.state", 1),
         ("p1", "start_3", "p1.state_3", 2),
         ("w2", "zero", "w2.zeroed", 1),
+        ("w2", "damp", "w2.damping", 9),
     ):
         ana.take(machine)
         ana.press(f"/equipment/{machine}/command/{command}")
         assert until(lambda point=point, wanted=wanted: value(client, point) == wanted, 10), point  # type: ignore[misc]
         client.pass_time(1)
         assert "Done" in words(ana.get(f"/equipment/{machine}/commands").text), machine
+    assert value(client, "w2.turns") == 5, "the other bits of the register are the machine's"
+    assert (value(client, "w1.damping"), value(client, "w3.damping")) == (2, 2)
     assert value(client, "w1.zeroed") == value(client, "w3.zeroed") == 0, (
         "of its own unit's machines only one was zeroed"
     )

@@ -25,7 +25,7 @@ def read_device(table: Table) -> Device:
         group_read={key: groups.whole(key, low=1, high=125) for key in scans if groups.has(key)},
         max_write=table.whole("max_write", 1, 1, 123),
         read_functions=tuple(_functions(table, "read_functions", (1, 2, 3, 4), (3,))),
-        write_functions=tuple(_functions(table, "write_functions", (5, 6, 15, 16), (6,))),
+        write_functions=tuple(_functions(table, "write_functions", (5, 6, 15, 16, 22), (6,))),
         turnaround=float(table.number("turnaround", 0.02, 0, 10)),
         timeout=float(table.number("timeout", 0.25, SHORTEST, 60)),
         connections=table.whole("connections", 1, 1, 64),

@@ -10,7 +10,8 @@ from app.plant.definitions import Device, Order, Register, Scan, Type
 from app.plant.said import said
 from app.plant.tables import Source, Table
 from app.plant.type_files.data import PointData
-from app.registers.pdu import FUNCTIONS, WRITE_COIL, WRITE_COILS
+from app.registers.codec import own_bits
+from app.registers.pdu import FUNCTIONS, MASK_WRITE, WRITE_COIL, WRITE_COILS
 from app.registers.pdu import WRITE_MULTIPLE as WRITE_SEVERAL
 from app.registers.pdu import WRITE_SINGLE as WRITE_ONE
 from app.registers.references import place, reference
@@ -170,7 +171,8 @@ def _unreached(register: Register, device: Device, scan: Scan) -> Iterator[tuple
         yield "table", register.table, _needed(FUNCTIONS[register.table], "read_functions", device.read_functions)
     if not register.writable:
         return
-    function = WRITE_ONE if register.words == 1 and WRITE_ONE in device.write_functions else WRITE_SEVERAL
+    single = [WRITE_ONE, *([MASK_WRITE] if own_bits(register) is not None else [])] if register.words == 1 else []
+    function = next((one for one in single if one in device.write_functions), WRITE_SEVERAL)
     if register.table in WRITABLE:
         yield "table", register.table, said("mistake.as_is", what=WRITABLE[register.table])
     elif register.type is Type.BIT:

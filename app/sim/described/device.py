@@ -7,7 +7,7 @@ from app.errors import ConfigurationError, DeviceException
 from app.plant.definitions import Equipment
 from app.plant.said import said
 from app.plant.simulation import FAULT, Simulation
-from app.registers.pdu import BITS, FUNCTIONS, WRITE_COIL, WRITE_COILS, WRITE_SINGLE
+from app.registers.pdu import BITS, FUNCTIONS, MASK_WRITE, WRITE_COIL, WRITE_COILS, WRITE_SINGLE, masked
 from app.registers.register import BIT_TABLES
 from app.sim.described.image import Place, joined
 from app.sim.described.machine import Machine
@@ -112,6 +112,8 @@ class DescribedDevice:
             self._pending.append(("", {("", at): word for at, word in enumerate(words, address)}))
             return
         table = self.check_write(function, len(words))
+        if function == MASK_WRITE:
+            words = (masked(self._now((table, address)), words),)
         wanted = {(table, at): word for at, word in enumerate(words, address)}
         for place in wanted:
             if place not in self._writable:
@@ -136,7 +138,7 @@ class DescribedDevice:
         """
         if function not in self._device.write_functions:
             raise self._unknown(function, self._device.write_functions)
-        most = {WRITE_SINGLE: 1, WRITE_COIL: 1, WRITE_COILS: MOST_COILS}
+        most = {WRITE_SINGLE: 1, WRITE_COIL: 1, WRITE_COILS: MOST_COILS, MASK_WRITE: 2}
         self._check_count(count, most.get(function, self._device.max_write))
         return "coil" if function in BITS else "holding"
 
@@ -157,6 +159,11 @@ class DescribedDevice:
         if initial:
             self._training.reset()
             self._machine.begin()
+
+    def _now(self, place: Place) -> int:
+        """What is there, with what was written since the last step."""
+        written = (words[place] for _, words in reversed(self._pending) if place in words)
+        return next(written, self._machine.words().get(place, 0))
 
     def _word(self, name: str) -> float | None:
         """What the instructor says by this name; None: nothing has it."""

@@ -137,7 +137,7 @@ def test_of_a_parameter_that_is_a_point_already(
         ("group_read = { fats = 6 }\n", "device.toml", "device.group_read.fats", "fast"),
         ("timeout = 0\n", "device.toml", "device.timeout", "from 0.01 to 60"),
         ("read_functions = [23, 3]\n", "device.toml", "device.read_functions.0", "one of 1, 2, 3, 4"),
-        ("write_functions = [22, 6]\n", "device.toml", "device.write_functions.0", "one of 5, 6, 15, 16"),
+        ("write_functions = [23, 6]\n", "device.toml", "device.write_functions.0", "one of 5, 6, 15, 16, 22"),
         ("max_read_bits = 2001\n", "device.toml", "device.max_read_bits", "from 1 to 2000"),
     ],
 )

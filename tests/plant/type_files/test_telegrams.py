@@ -32,7 +32,13 @@ F32 = 'type = "f32"\n'
 MISTAKES = [
     ("device", "read_functions = [3]", "read_functions = [7]", "device.read_functions.0", "one of 1, 2, 3, 4"),
     ("device", "read_functions = [3]", 'read_functions = ["3"]', "device.read_functions.0", "one of 1, 2, 3, 4"),
-    ("device", "write_functions = [6]", "write_functions = [22]", "device.write_functions.0", "one of 5, 6, 15, 16"),
+    (
+        "device",
+        "write_functions = [6]",
+        "write_functions = [23]",
+        "device.write_functions.0",
+        "one of 5, 6, 15, 16, 22",
+    ),
     ("points", "address = 1\n", 'address = 1\ntable = "input"\n', "state.table", "function 4 in `read_functions`"),
     ("points", "address = 4", "address = 65535", "level.address", "no word is above 65535"),
     ("points", F32, f"{F32}writable = true\n", "level.writable", "function 16 in `write_functions`"),
@@ -77,6 +83,27 @@ def test_as_many_words_as_a_value_takes_are_written_at_once(tmp_path: Path) -> N
     (tmp_path / "more").mkdir()
     files["device"] += "max_write = 2\n"
     assert told(tmp_path / "more", files) == []
+
+
+@pytest.mark.parametrize(
+    ("part", "functions", "expected"),
+    [
+        ("mask = 3\n", "[22]", ""),
+        ("shift = 4\n", "[22, 16]", ""),
+        ("mask = 3\n", "[16]", ""),
+        ("", "[22]", "function 6 in `write_functions`, which has 22"),
+        ("mask = 3\n", "[5]", "function 6 in `write_functions`"),
+        (f"mask = 3\n{F32.replace('f32', 'u32')}", "[22]", "function 16 in `write_functions`"),
+    ],
+)
+def test_a_part_of_one_register_is_written_by_masks_where_the_device_knows_them(
+    tmp_path: Path, part: str, functions: str, expected: str
+) -> None:
+    device = f'label = "x"\n[device]\nwrite_functions = {functions}\n'
+    found = told(tmp_path, {"device": device, "points": f'[mode]\naddress = 1\nwritable = true\n{part}label = "x"\n'})
+    assert [key for key, _ in found] == (["mode.writable"] if expected else []) and expected in "".join(
+        t for _, t in found
+    )
 
 
 BITS_KNOWN = "read_functions = [1, 2, 3, 4]\nwrite_functions = [5, 6]\n"

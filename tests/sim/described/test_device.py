@@ -113,9 +113,25 @@ def test_it_takes_the_telegrams_of_its_device_and_no_other(plant: Plant) -> None
         meter.read(3, 10, 21)
     assert long.value.code == 3
     assert refusal(plant, scale, 3, 108) == 2, "its hole goes with its base"
-    assert scale.read(3, 105, 1) == [0], "what lies between its registers"
+    assert scale.read(3, 103, 1) == [0], "what lies between its registers"
     assert refusal(plant, valve, 6, 0, 1) == refusal(plant, valve, 15, 0, 1, 0) == 1
     assert refusal(plant, valve, 5, 2, 1) == 2
+    assert refusal(plant, meter, 22, 20, 0, 1) == 1, "its device does not know function 22"
+    assert refusal(plant, scale, 22, 102, 0, 1) == refusal(plant, scale, 22, 99, 0, 1) == 2
+    assert refusal(plant, scale, 22, 0xE010, 0, 7) == 1, "an instructor's register"
+
+
+def test_masks_change_their_bits_alone_and_several_in_one_step_add_up(plant: Plant) -> None:
+    machine = device(plant, "w2")
+    machine.write(22, 105, [0xFF0F, 0x0070])
+    machine.write(22, 105, [0xFF7F, 0xFFFF])
+    assert told(plant, machine, "w2", "damping") == 2, "not before the border of a step"
+    go(machine, 0.01)
+    assert (told(plant, machine, "w2", "damping"), told(plant, machine, "w2", "turns")) == (15, 5)
+    machine.write(6, 105, [0x0081])
+    machine.write(22, 105, [0xFF0F, 0])
+    go(machine, 0.01)
+    assert machine.read(3, 105, 1) == [1]
 
 
 def test_bits_of_a_word_are_set_one_by_one_and_a_text_stays(plant: Plant) -> None:
