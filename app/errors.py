@@ -11,7 +11,7 @@
     │   ├── DeviceException  the device answered with a Modbus exception code
     │   ├── Overtaken        a write that was never sent, because a Stop came before it
     │   ├── Withdrawn        a write that was never sent, because whoever asked for it may no more
-    │   ├── NotTaken         a set of values of which the device has taken nothing: it was not told to
+    │   ├── NotTaken         what the device has not taken at all: the telegram that counts was never sent
     │   ├── Rejected         the device understood and did not take it, with its own reason
     │   └── MailboxRefused   the parameter mailbox of a drive did not take a request as such, with its own error number
     ├── TelegramError        bytes or words that are no telegram of a drive, or values that cannot become one
@@ -118,7 +118,7 @@ class Withdrawn(LinkError):
 
 
 class NotTaken(LinkError):
-    """A set of values that was never made valid: what was lost came before the word that does. The cause says what was lost."""
+    """What was never written: a set whose word that makes it valid was not sent, or bits of a word whose others could not be read."""
 
     kind = "failed"
 

@@ -2,18 +2,19 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Any
 
 from app.clock import Clock
 from app.errors import LinkError, NotConnected, Overtaken, Withdrawn
-from app.links.contract import Block, LateAnswerDue
+from app.links.contract import Block, LateAnswerDue, Transport
 from app.links.host_event import EventTaker
 from app.links.scan_block import ScanBlock
 from app.links.schedule import PERMIT, Job, Priority, Schedule
 from app.links.station import Station
 from app.links.statistics import LinkState, LinkStatistics, StatisticsPublisher, UnitStatistics
 from app.plant.definitions import Link
+from app.registers.codec import with_own
 from app.registers.pdu import READ_HOLDING
 from app.registers.rtu import read_time, write_time
 from app.tags.database import TagDatabase
@@ -62,11 +63,10 @@ class Line:
         if job.urgent:
             if (station := self.stations.get(job.unit)) is not None:
                 station.stops += 1
+                if station.composed is not None and station.composed.yields_to(job.machine):
+                    station.composed.overtaken = True
             for overtaken in self._schedule.overtake(job.unit, job.machine):
-                fail(
-                    overtaken,
-                    Overtaken(f"unit {job.unit}: write to {overtaken.address:#06x} not sent, a Stop came first"),
-                )
+                fail(overtaken, overtaken_by_stop(overtaken))
         self._schedule.add(job, priority)
         self._wake()
         return await job.done
@@ -158,6 +158,44 @@ class Line:
             return read_time(self.link.baud, read.count, read.function)
         return write_time(self.link.baud, words, function)
 
+    def _answer_was_kept(self, standstills: int) -> bool:
+        """Whether this program stood still while it waited: the answer may have been there all the time, and tells of the past."""
+        self._tags.wake()
+        return self._tags.standstills != standstills
+
+    async def _add_others(self, transport: Transport, station: Station, job: Job) -> float:
+        """Give the words of `job` the bits of others as they are now; of a Stop as last seen, where the device does not say them.
+
+        Returns when they were there [s].
+
+        Raises:
+            LinkError: as the transport, Overtaken by a Stop, or Withdrawn; nothing was written.
+        """
+        last = station.last_seen(job.address, len(job.words)) if job.urgent else None
+        if last is not None and station.state is not LinkState.UP:
+            job.words = with_own(last, job.words, job.own)
+            return self._now()
+        started, block = self._now(), Block(job.address, len(job.words), READ_HOLDING)
+        station.composed = job
+        try:
+            now: Sequence[int] = await transport.read(job.unit, block, job.timeout)
+        except LinkError as error:
+            if last is None or isinstance(error, NotConnected):
+                raise
+            now = last
+            if not isinstance(error, LateAnswerDue):
+                self.statistics.failed(job.unit, error)
+        else:
+            self._answered(station, started, job.liveness, self._wire(block))
+        finally:
+            station.composed = None
+        self.statistics.busy += self._now() - started
+        if job.overtaken:
+            raise overtaken_by_stop(job)
+        check_permit(job)
+        job.words = with_own(now, job.words, job.own)
+        return self._now()
+
     def attend(self, station: Station, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         """Do `work` for a station beside its scans."""
         task = asyncio.get_running_loop().create_task(work)
@@ -229,6 +267,11 @@ def fail(job: Job, error: LinkError) -> None:
     """Tell whoever waits for `job` that nothing came of it."""
     if not job.done.done():
         job.done.set_exception(error)
+
+
+def overtaken_by_stop(job: Job) -> Overtaken:
+    """What whoever waits for `job` is told."""
+    return Overtaken(f"unit {job.unit}: write to {job.address:#06x} not sent, a Stop came first")
 
 
 def check_permit(job: Job) -> None:

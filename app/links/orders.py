@@ -22,7 +22,7 @@ from app.links.services import SetWrite
 from app.links.station import Station
 from app.plant.definitions import Image, PlcMap, Register, Scan
 from app.registers import plc_map
-from app.registers.codec import own_bits
+from app.registers.codec import own_bits, with_own
 from app.registers.pdu import MAX_WRITE, WRITE_MULTIPLE
 from app.registers.plc_map import Answer, AnswerState, Request
 
@@ -290,6 +290,4 @@ class Orders:
 def merged(register: Register, now: Sequence[int], words: Sequence[int]) -> list[int]:
     """`words` with the bits of a masked register that belong to others as they are `now`."""
     own = own_bits(register)
-    if own is None:
-        return list(words)
-    return [(old & ~bits) | (new & bits) for old, new, bits in zip(now, words, own, strict=True)]
+    return list(words) if own is None else with_own(now, words, own)

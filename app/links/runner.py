@@ -11,7 +11,7 @@ from contextlib import nullcontext
 from math import inf
 
 from app.clock import Clock
-from app.errors import GATEWAY, BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Withdrawn
+from app.errors import GATEWAY, BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Overtaken, Withdrawn
 from app.links.contract import LateAnswerDue, Transport
 from app.links.lane import Deaf, Hearing, Lane, Reopening
 from app.links.line import check_permit, fail, finish
@@ -222,12 +222,14 @@ class LinkRunner(Outages):
             else:
                 async with station.writing if station is not None else nullcontext():
                     check_permit(job)
+                    if job.own and station is not None:
+                        started = await self._add_others(transport, station, job)
                     job.sent = True
                     await transport.write(job.unit, job.address, job.words, job.timeout, job.function)
                 words = []
         except BaseException as error:
             self.statistics.busy += self._now() - started
-            if isinstance(error, Withdrawn):
+            if isinstance(error, Withdrawn | Overtaken):
                 fail(job, error)
                 return
             if not isinstance(error, LinkError):
@@ -312,11 +314,6 @@ class LinkRunner(Outages):
                 self._schedule.at(block, self._now() + TORN_PAUSE)
         if seen <= Seen.PARTLY and station.state is LinkState.UP and block.alive:
             self.publish(station, block, words, started)
-
-    def _answer_was_kept(self, standstills: int) -> bool:
-        """Whether this program stood still while it waited: the answer may have been there all the time, and tells of the past."""
-        self._tags.wake()
-        return self._tags.standstills != standstills
 
     def _look(self, station: Station, block: ScanBlock, words: list[int], started: float) -> Seen:
         """What words that a service cares for are worth."""

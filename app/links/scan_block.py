@@ -42,6 +42,8 @@ class ScanBlock:
         self.period = period
         self.words: list[int] | None = None
         """Last raw words; None before the first and while there are none."""
+        self.last: list[int] | None = None
+        """The same, also of a device that fell silent."""
         self.answered = False
         """Whether there ever were some."""
         self.quality: int | None = None
@@ -102,7 +104,8 @@ class ScanBlock:
             old, self.quality = None, quality
         if words == old:
             return Batch(self.source, self.number, time, time, (), (), quality)
-        self.words, self.answered = words, True
+        self.words = self.last = words
+        self.answered = True
         handles: list[int] = []
         values: list[Value] = []
         uneven: dict[int, int] = {}

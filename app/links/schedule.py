@@ -48,9 +48,13 @@ class Job:
     words: Sequence[int] = ()
     """Written, when there is no `read`."""
     function: int = 6
+    own: Sequence[int] = ()
+    """Bits of each word that are written; empty = all. The others are read in the same turn, and sent as they are."""
     urgent: bool = False
     machine: str = ""
     """Equipment that is written to; empty = whatever the unit has."""
+    overtaken: bool = False
+    """Whether a Stop came while the other bits of `own` were read: it is not sent."""
     permit: Callable[[], bool] | None = None
     """Asked when it is its turn; a write that may no more is never sent."""
     sent: bool = False
@@ -59,6 +63,10 @@ class Job:
     """Whether an answer shows that the unit is there; training registers answer with the cable pulled."""
     quiet: bool = False
     """A refusal is an answer like any other: the question is ours, no fault of the device."""
+
+    def yields_to(self, machine: str) -> bool:
+        """Whether a Stop of `machine` of this unit (empty = of all that is there) comes before it, and it is not sent at all."""
+        return not self.urgent and (not machine or self.machine in ("", machine))
 
 
 class Schedule:
@@ -76,8 +84,8 @@ class Schedule:
 
     def overtake(self, unit: int, machine: str = "") -> list[Job]:
         """Take the writes to `unit` that are not urgent out of the queue, but those to another machine than `machine` there."""
-        writes = (job for _, _, job in self._jobs if job.unit == unit and job.read is None and not job.urgent)
-        overtaken = [job for job in writes if not machine or job.machine in ("", machine)]
+        writes = (job for _, _, job in self._jobs if job.unit == unit and job.read is None)
+        overtaken = [job for job in writes if job.yields_to(machine)]
         if overtaken:
             self._jobs = sorted(entry for entry in self._jobs if not any(entry[2] is job for job in overtaken))
         return overtaken

@@ -10,11 +10,12 @@ from app.links.contract import Block
 from app.links.map_plan import plan_map
 from app.links.planner import Learned, Plan, Reading, Rows, overhead, plan, span_of
 from app.links.scan_block import ScanBlock
+from app.links.schedule import Job
 from app.links.services import Service
 from app.links.statistics import LinkState
 from app.links.table_block import TableBlock
 from app.plant.definitions import Device, Equipment, Link, Point, Scan
-from app.registers.pdu import BITS, FUNCTIONS
+from app.registers.pdu import BITS, FUNCTIONS, READ_HOLDING
 from app.tags.batch import Batch
 from app.tags.database import TagDatabase
 from app.tags.quality import GOOD, HALTED, NOT_CONNECTED, Origin
@@ -58,6 +59,8 @@ class Station:
     probe_now: asyncio.Event = field(default_factory=asyncio.Event)
     writing: asyncio.Lock = field(default_factory=asyncio.Lock)
     """One write at a time, so that a Stop on a second connection never overtakes a start on the first."""
+    composed: Job | None = None
+    """The write whose other bits are being read: one at a time."""
     stops: int = 0
     """Urgent writes so far: what was prepared before one of them is not sent after it."""
     services: list[Service] = field(default_factory=list)
@@ -147,6 +150,14 @@ class Station:
             for block in self.blocks
             if block.block.function == function and block.block.address <= last and first <= block.block.last
         ]
+
+    def last_seen(self, address: int, count: int) -> Sequence[int] | None:
+        """What these registers held when they were last read; None = they never were, as far as is known."""
+        for block in self.around(READ_HOLDING, address, address + count - 1):
+            at = address - block.block.address
+            if block.last is not None and at >= 0 and len(found := block.last[at : at + count]) == count:
+                return found
+        return None
 
     def probe(self, turn: int = 0) -> Block:
         """One register that the device answered, or should: each `turn` of another block, the fastest first, else the first of its map."""

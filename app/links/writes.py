@@ -2,10 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from app.errors import LinkError, NoAnswer, NotConnected, Refused
-from app.links.contract import Block
+from app.errors import BadAnswer, LinkError, NoAnswer, NotConnected, NotTaken, Refused
 from app.links.machines import Machines
-from app.links.orders import merged
 from app.links.runner import LinkRunner
 from app.links.schedule import Priority
 from app.links.services import SetWrite
@@ -33,15 +31,12 @@ class Writes:
             return await service.write([(name, register, words)])
         function = _write_function(station, name, register, words)
         self.check(station, urgent=urgent)
-        own = own_bits(register)
-        if own is not None and function == MASK_WRITE:
-            sent: Sequence[int] = (~own[0] & 0xFFFF, words[0] & own[0])
-        elif own is not None and register.readable:
-            sent = await self._merged(station, register, words)
-        else:
-            sent = words
-        await self.send(item.unit, register.address, sent, function, urgent=urgent, machine=item.id)
-        self._runner.written(station, register.address, len(words), FUNCTIONS[register.table])
+        own = own_bits(register) or []
+        if own and function == MASK_WRITE:
+            words, own = [~own[0] & 0xFFFF, words[0] & own[0]], []
+        others = own if register.readable else []
+        await self.send(item.unit, register.address, words, function, urgent=urgent, machine=item.id, own=others)
+        self._runner.written(station, register.address, register.words, FUNCTIONS[register.table])
         return 0
 
     def together(self, equipment: str, points: Sequence[str]) -> list[list[str]]:
@@ -79,16 +74,28 @@ class Writes:
         urgent: bool = False,
         liveness: bool = True,
         machine: str = "",
+        own: Sequence[int] = (),
     ) -> None:
-        """One telegram; `liveness`: its answer says that the unit is there; `machine`: whose it is, of several behind the unit.
+        """One telegram; `liveness`: its answer says that the unit is there; `machine`: whose it is, of several behind the unit; `own`:
+        the bits of each word that are written, where not all, and the others are read just before, in the same turn.
 
         Raises:
+            NotTaken: what they are is not to be had; nothing was written.
             LinkError: as the transport.
         """
         job = self._runner.job(unit, liveness=liveness)
         job.address, job.words, job.function, job.urgent = address, tuple(words), function, urgent
-        job.machine = machine
-        await self._runner.ask(job, Priority.URGENT if urgent else Priority.WRITE)
+        job.machine, job.own = machine, own
+        try:
+            await self._runner.ask(job, Priority.URGENT if urgent else Priority.WRITE)
+        except (NoAnswer, BadAnswer) as error:
+            if job.sent or not own:
+                raise
+            unsent = NotTaken(
+                f"unit {unit}: the other bits of {address:#06x} cannot be read, nothing was sent ({error})"
+            )
+            unsent.kind = error.kind
+            raise unsent from error
 
     def check(self, station: Station, *, urgent: bool) -> None:
         """Whether anything may be written to a unit now; `urgent` is also tried on a silent one.
@@ -120,12 +127,6 @@ class Writes:
             return definition.name, register, encode(register, value)
         except ValueError as error:
             raise LinkError(f"{definition.name}: {error}") from error
-
-    async def _merged(self, station: Station, register: Register, words: Sequence[int]) -> list[int]:
-        """`words` with the bits of the register that belong to others as they are now."""
-        block = Block(register.address, register.words, 3)
-        now = await self._runner.ask(self._runner.job(station.number, block), Priority.WRITE)
-        return merged(register, now, words)
 
 
 def _write_function(station: Station, name: str, register: Register, words: Sequence[int]) -> int:

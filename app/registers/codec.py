@@ -124,6 +124,11 @@ def own_bits(register: Register) -> list[int] | None:
     return _pack(register, _as_signed(register, own))
 
 
+def with_own(now: Sequence[int], words: Sequence[int], own: Sequence[int]) -> list[int]:
+    """`words`, where the bits that are not `own` are as they are `now`."""
+    return [(old & ~bits) | (new & bits) for old, new, bits in zip(now, words, own, strict=True)]
+
+
 def _length(register: Register) -> int:
     if register.type is Type.STRING:
         return register.words
