@@ -29,6 +29,7 @@ from app.commands.encoder_adjustment import EncoderAdjustments
 from app.commands.execution import Execution
 from app.commands.following import Following
 from app.commands.interlocks import Prepared, RefusalReason
+from app.commands.later_looks import LaterLooks
 from app.commands.lifecycle import Progress, ProgressState
 from app.commands.machine import Machine
 from app.commands.motion import HeldMotion
@@ -75,6 +76,7 @@ class Gate:
         )  # fmt: skip
         self._admission = Admission(state)
         self._sending = Sending(state)
+        self._looks = LaterLooks(state, self._sending.refresh)
         self._follow_up = SetFollowUp(state)
         self._sets = Sets(state, self._follow_up)
         self._execution = Execution(state, self._admission, self._sending, self._sets)
@@ -288,6 +290,7 @@ class Gate:
         self.hold.tick()
         self.control.tick()
         self._admission.tick(now)
+        self._looks.tick(now)
         for machine in list(self._state.machines.values()):
             if machine.job is not None:
                 self._following.follow(machine, machine.job, now)

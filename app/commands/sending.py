@@ -156,16 +156,17 @@ class Sending:
         unknown = job.progress.state is ProgressState.UNKNOWN
         keys = [k for k in job.prepared.watched if unknown or item.points[k].scan in (Scan.PAGE, Scan.ONCE, Scan.SLOW)]
         if keys:
-            self._state.spawn(self._refresh(machine, keys), f"read back {item.id}")
+            self._state.spawn(self.refresh(machine, keys), f"read back {item.id}")
 
     def look_again(self, machine: Machine) -> None:
         """Read what commands depend on and no scan brings: the device did not do what was asked, so it may have been set at its keypad."""
         points = machine.item.points
         keys = [key for key in machine.used if points[key].register and points[key].scan in (Scan.PAGE, Scan.ONCE)]
         if keys:
-            self._state.spawn(self._refresh(machine, keys), f"look again {machine.item.id}")
+            self._state.spawn(self.refresh(machine, keys), f"look again {machine.item.id}")
 
-    async def _refresh(self, machine: Machine, keys: Sequence[str]) -> None:
+    async def refresh(self, machine: Machine, keys: Sequence[str]) -> None:
+        """Have points of a machine read from its device; a failure is told in the log."""
         try:
             await self._state.writers[machine.item.link].refresh(machine.item.id, keys)
         except (LinkError, KeyError) as error:
@@ -190,4 +191,4 @@ class Sending:
         watched = stop.watched if stop else ()
         slow = [key for key in watched if item.points[key].scan is not Scan.FAST]
         if slow:
-            self._state.spawn(self._refresh(machine, slow), f"read back {item.id}")
+            self._state.spawn(self.refresh(machine, slow), f"read back {item.id}")

@@ -35,8 +35,10 @@ class Writes:
         if own and function == MASK_WRITE:
             words, own = [~own[0] & 0xFFFF, words[0] & own[0]], []
         others = own if register.readable else []
-        await self.send(item.unit, register.address, words, function, urgent=urgent, machine=item.id, own=others)
-        self._runner.written(station, register.address, register.words, FUNCTIONS[register.table])
+        try:
+            await self.send(item.unit, register.address, words, function, urgent=urgent, machine=item.id, own=others)
+        finally:  # what was not answered may have been done
+            self._runner.written(station, register.address, register.words, FUNCTIONS[register.table])
         return 0
 
     def together(self, equipment: str, points: Sequence[str]) -> list[list[str]]:
