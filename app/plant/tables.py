@@ -4,7 +4,9 @@ import difflib
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import date, time
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from reprlib import Repr
 from typing import Any, TypeGuard
@@ -16,7 +18,7 @@ from app.plant.problems import Problem
 from app.plant.said import LONGEST as LONGEST_EXPECTED
 from app.plant.said import Plain, Said, printable, said
 from app.plant.toml import LARGEST_FILE, TomlRefused, parse
-from app.plant.toml_text import headed, split
+from app.plant.toml_text import headed, key_literal, literal, split
 
 REQUIRED: Any = object()
 MOST_PROBLEMS = 200
@@ -350,12 +352,29 @@ def span(what: str, low: float, high: float) -> str:
     return said(f"mistake.{what}_between", low=f"{low:g}", high=f"{high:g}")
 
 
-_SHORT = Repr()
-"""Of what a file may hold, no more than one line."""
-_SHORT.maxlevel, _SHORT.maxdict, _SHORT.maxlist, _SHORT.maxstring, _SHORT.maxother = (
-    4,
-    12,
-    12,
-    LONGEST_SHOWN,
-    LONGEST_SHOWN,
-)
+class _Short(Repr):
+    """Of what a file may hold, no more than one line, as TOML writes it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel = 4
+        self.maxdict = self.maxlist = 12
+        self.maxstring = self.maxother = LONGEST_SHOWN
+
+    def repr_bool(self, x: bool, level: int) -> str:
+        return literal(x)
+
+    def repr_str(self, x: str, level: int) -> str:
+        return literal(x if len(x) <= self.maxstring else x[: self.maxstring] + self.fillvalue)
+
+    def repr_dict(self, x: dict[str, Any], level: int) -> str:
+        shown = list(islice(x.items(), self.maxdict if level > 0 else 0))
+        rows = [f"{key_literal(name)} = {self.repr1(item, level - 1)}" for name, item in shown]
+        rows += [self.fillvalue] * (len(x) > len(shown))
+        return f"{{ {', '.join(rows)} }}" if rows else "{}"
+
+    def repr_instance(self, x: object, level: int) -> str:
+        return literal(x) if isinstance(x, date | time) else super().repr_instance(x, level)
+
+
+_SHORT = _Short()

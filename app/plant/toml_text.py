@@ -166,13 +166,18 @@ def literal(value: object, indent: str = "") -> str:
         case str():
             return _text(value)
         case Mapping():
-            inside = ", ".join(f"{_key(name)} = {literal(item)}" for name, item in value.items())
+            inside = ", ".join(f"{key_literal(name)} = {literal(item)}" for name, item in value.items())
             return f"{{ {inside} }}" if inside else "{}"
     assert isinstance(value, Sequence)
     line = f"[{', '.join(literal(item) for item in value)}]"
     if len(line) <= LONGEST_LINE or not value:
         return line
     return "[\n" + "".join(f"{indent}    {literal(item)},\n" for item in value) + f"{indent}]"
+
+
+def key_literal(name: str) -> str:
+    """One part of a key as TOML writes it: bare where it can be."""
+    return name if re.fullmatch(BARE, name) else _text(name)
 
 
 # ---- the tables ----------------------------------------------------------------------------------------------
@@ -249,7 +254,7 @@ def _renamed(piece: Piece, path: KeyPath, name: str) -> Piece:
     if inside is None or after:
         raise CannotEdit(path)
     parts = inside[2].rsplit(".", 1)
-    text = f"{piece.text[: inside.start(2)]}{'.'.join([*parts[:-1], _key(name)])}{piece.text[inside.end(2) :]}"
+    text = f"{piece.text[: inside.start(2)]}{'.'.join([*parts[:-1], key_literal(name)])}{piece.text[inside.end(2) :]}"
     return Piece(text, (*path[:-1], name), piece.header, piece.row)
 
 
@@ -273,14 +278,14 @@ def _put(found: list[Piece], path: KeyPath, value: Any) -> list[Piece]:
             return _add_block(found, path, _block(path, value))
         if path[-1].isdecimal():
             return _add_block(found, path, _block(path, value))
-    return _add_key(found, path, value)
+    return _addkey_literal(found, path, value)
 
 
-def _add_key(found: list[Piece], path: KeyPath, value: Any) -> list[Piece]:
+def _addkey_literal(found: list[Piece], path: KeyPath, value: Any) -> list[Piece]:
     """A key that its table does not have yet, behind the last one that it has."""
     table = path[:-1]
     begin = next((n for n, piece in enumerate(found) if piece.header and piece.path == table), None)
-    name = _key(path[-1])
+    name = key_literal(path[-1])
     if begin is None:
         siblings = [n for n, piece in enumerate(found) if not piece.header and table and piece.path[:-1] == table]
         if not siblings:
@@ -330,7 +335,7 @@ def _add_block(found: list[Piece], path: KeyPath, block: str) -> list[Piece]:
 def _block(path: KeyPath, value: Mapping[str, Any], *, row: bool = False) -> str:
     """A table with its header; tables of tables and lists of tables in it have headers of their own."""
     written = ".".join(
-        _key(part) for n, part in enumerate(path) if not (part.isdecimal() and _is_row(path, n, last_is_row=row))
+        key_literal(part) for n, part in enumerate(path) if not (part.isdecimal() and _is_row(path, n, last_is_row=row))
     )
     lines, blocks = [f"[[{written}]]" if row else f"[{written}]"], list[str]()
     for name, item in value.items():
@@ -340,7 +345,7 @@ def _block(path: KeyPath, value: Mapping[str, Any], *, row: bool = False) -> str
         elif isinstance(item, list) and item and all(isinstance(one, Mapping) for one in item):
             blocks += [_block((*inside, str(n)), one, row=True) for n, one in enumerate(item)]
         else:
-            lines.append(f"{_key(name)} = {literal(item)}")
+            lines.append(f"{key_literal(name)} = {literal(item)}")
     return "\n".join([*lines, ""]) + "".join("\n" + one for one in blocks)
 
 
@@ -417,10 +422,6 @@ def _logical_lines(text: str) -> list[str]:
 def split(dotted: str) -> KeyPath:
     """The parts of a key with dots, without their quotation marks."""
     return tuple(part.strip("\"'") for part in re.findall(r"""[^."'\s]+|"[^"]*"|'[^']*'""", dotted))
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(BARE, name) else _text(name)
 
 
 _SIGNS = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r", "\b": "\\b", "\f": "\\f"}

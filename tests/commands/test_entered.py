@@ -42,6 +42,17 @@ def test_a_number_is_read_as_the_language_writes_it(given: str | float, language
     assert argument_of(order, SETPOINT, UNCHECKED, look()) == value
 
 
+@pytest.mark.parametrize("poles", [2, 3, 4, 57, 100])
+def test_a_motor_has_an_even_number_of_poles(poles: int) -> None:
+    number = interlocks.prepare(ITEM, interlocks.setting(ITEM, ITEM.type.setpoints["f804"]))
+    order = replace(ORDER, key="f804", argument=poles)
+    if poles % 2 == 0:
+        assert argument_of(order, number, ITEM.type, look(f804=3)) == poles
+    else:
+        with pytest.raises(Refused, match=r"why\.check"):
+            argument_of(order, number, ITEM.type, look(f804=4))
+
+
 @pytest.mark.parametrize("given", ["", None])
 def test_nothing_is_asked_for_by_name(given: str | None) -> None:
     with pytest.raises(Refused, match=r"why\.argument_missing") as refused:

@@ -112,7 +112,10 @@ def test_changes_go_in_an_order_in_which_they_fit_each_other_after_each() -> Non
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("asked", [{"F111": 30}, {"F113": 60}, {"F112": 45}, {"F113": 0.1}, {"F111": 45, "F113": 46}])
+@pytest.mark.parametrize(
+    "asked",
+    [{"F111": 30}, {"F113": 60}, {"F112": 45}, {"F113": 0.1}, {"F111": 45, "F113": 46}, {"F804": 3}, {"F804": 99}],
+)
 def test_changes_that_do_not_fit_each_other_are_refused(asked: dict[str, float]) -> None:
     with pytest.raises(Refused) as refused:
         in_order(REGISTERS, [register(code, value) for code, value in asked.items()], look())

@@ -454,6 +454,29 @@ def test_a_line_that_nobody_could_build_is_told(tmp_path: Path, options: str, to
     assert any(f"equipment.c1.{told}" in str(problem) for problem in problems), list(map(str, problems))
 
 
+@pytest.mark.parametrize(
+    ("belts", "sensors", "places"),
+    [
+        (3, 4, [100, 215, 445, 560]),
+        (5, 8, [100, 215, 445, 560, 675, 790, 905, 1020]),
+        (1, 1, [100]),
+        (1, 2, [100, 215]),
+        (2, 2, [100, 560]),
+        (5, 4, [100, 1220 / 3, 2140 / 3, 1020]),
+        (16, 1, [3550]),
+        (16, 32, [100 + 3450 * n / 31 for n in range(32)]),
+    ],
+)
+def test_a_line_of_which_only_the_numbers_are_said_can_be_built(
+    tmp_path: Path, belts: int, sensors: int, places: list[float]
+) -> None:
+    (tmp_path / "plant.toml").write_text(f"{PLANT}belts = {belts}\nsensors = {sensors}\n", "utf-8")
+    plant, problems = read_plant(tmp_path)
+    assert plant, problems
+    options = plant.equipment["c1"].options
+    assert [options[f"sensor_{n}"] for n in range(1, sensors + 1)] == pytest.approx(places)
+
+
 def test_a_merge_that_is_built_otherwise_than_drawn_is_told() -> None:
     data, problems = types.read_type("conveyor", LANGUAGES, given={"merges": 1})
     derived = data.type.points["merges_differ"].derived

@@ -86,7 +86,7 @@ def test_a_key_that_nobody_asked_for_is_told_with_the_one_that_was_meant(tmp_pat
 def test_rows_of_a_list_have_their_own_lines(tmp_path: Path) -> None:
     read = table(tmp_path, "[[a]]\nx = 1\n[[a]]\nx = true\n")
     assert [row.whole("x") for row in read.rows("a")] == [1, 0]
-    assert told(read) == [("a.1.x", "True", "a whole number from 0 to 65535", 4)]
+    assert told(read) == [("a.1.x", "true", "a whole number from 0 to 65535", 4)]
 
 
 def test_a_file_of_nothing_but_mistakes_is_not_read_to_its_end(tmp_path: Path) -> None:
@@ -124,3 +124,31 @@ def test_choices_and_ranges_are_told_in_words() -> None:
     assert [span("number", *ends) for ends in ((1, 2), (1, float("inf")), (float("-inf"), 2), (float("-inf"), float("inf")))] == [
         "a number from 1 to 2", "a number from 1 up", "a number up to 2", "a number",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        "true",
+        '["x", false]',
+        '{ en = ["x"], "a b" = 1 }',
+        "[{ a = 1.5 }, {}]",
+        '"say \\"so\\""',
+        "2026-03-09",
+        "06:05:00",
+    ],
+)
+def test_a_wrong_value_is_shown_as_the_file_writes_it(tmp_path: Path, written: str) -> None:
+    read = table(tmp_path, f"key = [{written}]")
+    read.whole("key")
+    ((_, shown, _, _),) = told(read)
+    assert shown == f"[{written}]"
+
+
+def test_of_a_long_value_a_line_is_shown(tmp_path: Path) -> None:
+    read = table(tmp_path, "key = [[[[[[1]]]]]]\nmany = { " + ", ".join(f"k{n} = true" for n in range(40)) + " }")
+    read.whole("key")
+    read.whole("many")
+    first, second = told(read)
+    assert first[1] == "[[[[[...]]]]]"
+    assert second[1].startswith("{ k0 = true, k1 = true, ") and len(second[1]) <= 120

@@ -18,16 +18,17 @@ Place = tuple[str, int]
 def read_base(table: Table, kind: EquipmentType, link: Link | None) -> tuple[int, int]:
     """What is added to every address of the machine of this row; and by how much that grows from one to the next of `repeat`, 0 = each
     has the same on a unit of its own."""
+    given = _given(table)
+    if given and kind.device.services:
+        table.note(given, table.raw(given), said("mistake.base_services", type=kind.name))
+        for key in ("base", "base_step"):
+            table.raw(key)  # it is told once
+        return 0, 0
     base = int(table.whole("base", 0, 0, LAST_ADDRESS))
     step = int(table.whole("base_step", 0, 1, LAST_ADDRESS))
     if table.has("base_step") and not table.has("repeat"):
         table.note("base_step", step, said("mistake.base_step_repeat"))
-    given = _given(table)
-    if not given:
-        return 0, 0
-    if kind.device.services:
-        table.note(given, table.raw(given), said("mistake.base_services", type=kind.name))
-    elif link is not None and link.transport == "memory" and kind.simulation is None:
+    if given and link is not None and link.transport == "memory" and kind.simulation is None:
         table.note(given, table.raw(given), said("mistake.base_simulated"))
     return base, step
 

@@ -131,6 +131,7 @@ def test_a_unit_is_one_device(tmp_path: Path) -> None:
         ('type = "sequence"\nlink = "line"\nunit = 2\nbase = 100\ndefinition = "x"\n', ""),
         ('type = "conveyor"\nlink = "line"\nunit = 2\nbase = 100\npreset = "model"\n', "what conveyor has besides registers"),
         ('type = "eura_e800"\nlink = "line"\nunit = 2\nbase = 100\n', "what eura_e800 has besides registers"),
+        ('type = "eura_e800"\nlink = "line"\nunit = 2\nbase = -1\n', "what eura_e800 has besides registers"),
         ('type = "scale"\nlink = "memory"\nunit = 2\nbase = 100\n', "on a simulated link"),
         ('type = "scale"\nlink = "memory"\nunit = 2\nbase = 1\nrepeat = 2\nbase_step = 9\n', "on a simulated link"),
     ],

@@ -155,10 +155,13 @@ def test_a_machine_has_as_many_points_alarms_and_commands_as_its_plant_file_says
         ("belts = 2.5", "c1.belts = 2.5: expected a whole number"),
         ("belts = 4\nbelt_2_share = 62.5", "c1.belt_2_share = 62.5: expected a whole number"),
         ("resolution = 1650.5", "c1.resolution = 1650.5: expected a whole number"),
-        ("belts = true", "c1.belts = True: expected a number from 1 to 16"),
+        ("belts = true", "c1.belts = true: expected a number from 1 to 16"),
         ("belt_4_end = 700", "belt_4_end = 700: expected no such key"),
-        ("belts = 5", "sensor_4 = 560: expected a position on belt 5, between 905 and 1120 mm"),
-        ("sensors = 5\nsensor_5 = 500", "sensor_5 = 500: expected a position behind sensor_4, which is 560 mm"),
+        ("belts = 5\nsensor_4 = 560", "sensor_4 = 560: expected a position on belt 5, between 905 and 1120 mm"),
+        (
+            "sensors = 5\nsensor_4 = 560\nsensor_5 = 500",
+            "sensor_5 = 500: expected a position behind sensor_4, which is 560 mm",
+        ),
         ("belts = 4\nbelt_2_end = 700", "belt_3_end = 675: expected a position behind belt_2_end, which is 700 mm"),
     ],
 )
