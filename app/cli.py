@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from app.plant.problems import Problem
     from app.settings import Settings
 
+WRONG_SETTINGS = 78
+"""Exit code of a server whose settings are wrong whenever they are read: EX_CONFIG of sysexits.h; its unit tries no more."""
 cli = typer.Typer(name="pogon", no_args_is_help=True, help=__doc__)
 cli.add_typer(user_cli, name="user")
 cli.add_typer(audit_cli, name="audit")
@@ -67,7 +69,7 @@ def run(
     ] = False,
 ) -> None:
     """Start the plant and its web server (settings are POGON_ variables, see README)."""
-    settings = settings_or_exit(**({"serve_modbus": serve_modbus} if serve_modbus else {}))
+    settings = settings_or_exit(WRONG_SETTINGS, **({"serve_modbus": serve_modbus} if serve_modbus else {}))
     gc.disable()  # nearly all that a start builds stays; the collector walks it again and again, a tenth of the time until the first page
     try:
         _run(settings, begin_anew)
@@ -335,8 +337,8 @@ def _placed(folder: Path, problem: "Problem") -> str:
     return f"{place}{problem}"
 
 
-def settings_or_exit(**given: str) -> "Settings":
-    """The settings, `given` before the environment; or one line per mistake and exit code 2."""
+def settings_or_exit(code: int = 2, **given: str) -> "Settings":
+    """The settings, `given` before the environment; or one line per mistake and the exit code `code`."""
     from app.settings import read_settings
 
     try:
@@ -344,7 +346,7 @@ def settings_or_exit(**given: str) -> "Settings":
     except ConfigurationError as error:
         for line in str(error).splitlines():
             typer.echo(f"pogon: {line}", err=True)
-        raise typer.Exit(2) from error
+        raise typer.Exit(code) from error
 
 
 if __name__ == "__main__":

@@ -61,6 +61,15 @@ def test_a_port_in_use_is_one_line_and_nothing_is_started(tmp_path: Path) -> Non
     assert not (tmp_path / "data" / "first-code").exists()
 
 
+@pytest.mark.parametrize("setting", [{"port": 99999}, {"log": "xml"}, {"host": "0.0.0.0"}])
+def test_settings_that_stay_wrong_are_not_tried_for_ever(tmp_path: Path, setting: dict[str, object]) -> None:
+    refused = pogon(tmp_path / "data", "run", **setting)
+    unit = (ROOT / "packaging" / "pogon.service").read_text("utf-8")
+    assert f"\nRestartPreventExitStatus={refused.returncode}\n" in unit and "\nRestart=on-failure\n" in unit
+    assert refused.returncode == 78 and f"POGON_{next(iter(setting)).upper()}" in refused.stderr
+    assert f"The exit code is {refused.returncode}\n" in (ROOT / "docs" / "operations.md").read_text("utf-8")
+
+
 def test_a_plant_folder_that_is_not_there_is_named_with_its_path(tmp_path: Path) -> None:
     refused = CliRunner().invoke(cli, ["check", str(tmp_path / "none")])
     assert refused.exit_code == 2
