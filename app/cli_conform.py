@@ -75,7 +75,7 @@ def conform(
     states = Counter(finding.state.value for finding in found)
     page = PAGE.format(kind) if data.type.folder.parent == types.EQUIPMENT else f"{types.OWN}/{kind}"
     if json_:
-        rules = [_record(finding, page, texts.text(lang, f"conform.rule.{finding.rule}")) for finding in found]
+        rules = [_record(finding, page, texts, lang) for finding in found]
         document = {
             "ok": not states["broken"],
             "server": tcp,
@@ -99,16 +99,28 @@ def _line(finding: "Finding", page: str, texts: "Texts", lang: str) -> str:
     state = texts.text(lang, f"conform.state.{finding.state.value}")
     line = f"{state}: {finding.rule}: {texts.text(lang, f'conform.rule.{finding.rule}')}"
     if finding.state == "broken":
-        told = {"seen": finding.seen, "expected": finding.expected, "where": _where(finding, page)}
+        seen, expected = (_worded(text, texts, lang) for text in (finding.seen, finding.expected))
+        told = {"seen": seen, "expected": expected, "where": _where(finding, page)}
         return f"{line}\n    {texts.text(lang, 'conform.seen', **told)}"
     if finding.state == "skipped":
         return f"{line} ({texts.text(lang, f'conform.why.{finding.why}', rule=finding.needs)})"
     return line
 
 
-def _record(finding: "Finding", page: str, text: str) -> dict[str, str]:
+def _worded(found: str, texts: "Texts", lang: str) -> str:
+    """What was seen or expected, its words (`finding.WORDS`) in `lang`."""
+    from app.links.conformance.finding import WORDS
+
+    for word in WORDS:
+        found = found.replace(f"{{{word}}}", texts.text(lang, f"conform.word.{word}"))
+    return found
+
+
+def _record(finding: "Finding", page: str, texts: "Texts", lang: str) -> dict[str, str]:
+    text = texts.text(lang, f"conform.rule.{finding.rule}")
     told = {"rule": finding.rule, "state": finding.state.value, "text": text, "documented": _where(finding, page)}
-    told |= {"seen": finding.seen, "expected": finding.expected} if finding.state == "broken" else {}
+    if finding.state == "broken":
+        told |= {key: _worded(getattr(finding, key), texts, lang) for key in ("seen", "expected")}
     told |= {"why": finding.why} if finding.why else {}
     return told | ({"needs": finding.needs} if finding.needs else {})
 

@@ -1,12 +1,14 @@
 """pogon conform from the terminal, over a socket."""
 
 import json
+import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
+from app.links.conformance.finding import WORDS
 from app.plant import types
 from app.plant.texts import Texts
 from app.sim.bus import Bus
@@ -32,6 +34,7 @@ async def test_a_simulated_plc_is_examined_in_lines_and_in_json() -> None:
     assert code == 1
     assert "VERLETZT: heartbeat: Wort 8 des Kopfes steigt in jedem Zyklus um 1\n    gesehen: 0x0008 = " in output
     assert "siehe docs/registers/conveyor.md: Header" in output
+    assert "; erwartet: mit jedem Zyklus 1 mehr; " in output and not re.search(r"\{\w+\}", output)
     assert "eingehalten: magic: Wort 0 des Kopfes ist die Kennzahl\n" in output
     assert "nicht geprüft: hold: " in output and "(nur mit --write)" in output
     code, output, _ = await pogon(*asked, "--json")
@@ -39,13 +42,20 @@ async def test_a_simulated_plc_is_examined_in_lines_and_in_json() -> None:
     assert code == 1 and not told["ok"]
     assert (told["server"], told["unit"], told["type"], told["wrote"]) == (where, 11, "conveyor", False)
     by_rule = {rule["rule"]: rule for rule in told["rules"]}
-    assert by_rule["heartbeat"]["state"] == "broken" and by_rule["heartbeat"]["expected"] == "+1 / scan"
+    assert by_rule["heartbeat"]["state"] == "broken" and by_rule["heartbeat"]["expected"] == "1 more with each scan"
     assert by_rule["magic"]["state"] == "kept" and "seen" not in by_rule["magic"]
     assert by_rule["hold"]["why"] == "not_asked"
     code, output, _ = await pogon(*asked[:-1], "crane", "--json")
     wrong = {rule["rule"]: rule for rule in json.loads(output)["rules"]}["type_code"]
     assert code == 1 and (wrong["seen"], wrong["expected"]) == ("0x0003 = 10", "40")
     await served.close()
+
+
+def test_what_stands_between_numbers_is_said_in_every_language() -> None:
+    texts = Texts.read()
+    for language in texts.languages:
+        said = [texts.text(language, f"conform.word.{word}") for word in WORDS]
+        assert len(set(said)) == len(WORDS) and not [one for one in said if "[" in one or "{" in one]
 
 
 async def test_a_device_that_is_no_plc_has_no_header() -> None:

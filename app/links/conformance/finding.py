@@ -6,6 +6,20 @@ from enum import StrEnum
 
 from app.errors import DeviceException, NoAnswer
 
+WORDS = (
+    "no_answer",
+    "one_telegram",
+    "same_even",
+    "risen_by_two",
+    "even",
+    "once",
+    "unchanged",
+    "each_scan",
+    "high_word_first",
+    "not_falling",
+)
+"""What stands in braces in a finding; the product text `conform.word.<word>` says it."""
+
 
 class State(StrEnum):
     """What became of a rule."""
@@ -18,7 +32,8 @@ class State(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One line of the report. What was seen and expected is in the notation of registers, which needs no language."""
+    """One line of the report. What was seen and expected is in the notation of registers; what that has no sign for is one of `WORDS` in
+    braces."""
 
     rule: str
     """The sentence of the rule is the product text `conform.rule.<rule>`."""
@@ -81,4 +96,4 @@ def refusal(error: Exception) -> str:
     """An error of the wire in the notation of the report."""
     if isinstance(error, DeviceException):
         return f"exception {error.code:02d}"
-    return "—" if isinstance(error, NoAnswer) else str(error)
+    return "{no_answer}" if isinstance(error, NoAnswer) else str(error)

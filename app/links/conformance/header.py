@@ -81,7 +81,7 @@ async def word_order(subject: Subject) -> None:
             wrong.append(f"{span(address, words)}: +{other} (low word first)")
     wrong += await _ring_order(subject)
     wrong += await _settings_order(subject)
-    require(not wrong, several(wrong), "high word first")
+    require(not wrong, several(wrong), "{high_word_first}")
 
 
 async def _ring_order(subject: Subject) -> list[str]:
@@ -141,7 +141,7 @@ async def heartbeat(subject: Subject) -> None:
     first, second = _first(subject), await _second(subject)
     beats = _risen(first, second)
     before, after = first.words[plc_map.AT_HEARTBEAT], second.words[plc_map.AT_HEARTBEAT]
-    require(beats, f"{at(plc_map.AT_HEARTBEAT, before)}, {second.asked - first.asked:.1f} s: {after}", "+1 / scan")
+    require(beats, f"{at(plc_map.AT_HEARTBEAT, before)}, {second.asked - first.asked:.1f} s: {after}", "{each_scan}")
     scans = second.long(plc_map.AT_STEP, 4) - first.long(plc_map.AT_STEP, 4)
     if 0 < scans < SMALL:
         apart = min(beats - scans & 0xFFFF, scans - beats & 0xFFFF)
@@ -196,7 +196,7 @@ async def training(subject: Subject) -> None:
     except BadAnswer as error:
         raise Skipped("needs", "telegram") from error
     except NoAnswer as error:
-        raise Broken(f"0x{base:04X}: —", "exception 02") from error
+        raise Broken(f"0x{base:04X}: {{no_answer}}", "exception 02") from error
     there = words[0] == plc_map.MAGIC and words[1] & TRAINING_FLAG
     seen = f"0x{base:04X} = 0x{words[0]:04X}, {at(plc_map.AT_FLAGS, _first(subject).words[plc_map.AT_FLAGS])}"
     require(simulated and there, seen, at(base, f"0x{plc_map.MAGIC:04X}") if simulated else "exception 02")
@@ -215,7 +215,7 @@ async def counts(subject: Subject) -> None:
         try:
             code = await subject.server.exception_of_read(plc_map.HEADER, count)
         except NoAnswer:
-            wrong.append(f"0x0000 + {count}: —")
+            wrong.append(f"0x0000 + {count}: {{no_answer}}")
             continue
         if code != 3:
             wrong.append(f"0x0000 + {count}: {_told(code)}")
@@ -227,7 +227,7 @@ async def beyond(subject: Subject) -> None:
     try:
         code = await subject.server.exception_of_read(BEYOND, 1)
     except NoAnswer as error:
-        raise Broken(f"0x{BEYOND:04X}: —", "exception 02") from error
+        raise Broken(f"0x{BEYOND:04X}: {{no_answer}}", "exception 02") from error
     require(code == 2, f"0x{BEYOND:04X}: {_told(code)}", "exception 02")
 
 
@@ -247,7 +247,7 @@ async def _exception_of(subject: Subject, pdu: bytes, what: str) -> int:
     try:
         return await subject.server.exception_of(pdu)
     except NoAnswer as error:
-        raise Broken(f"{what}: —", "exception 01") from error
+        raise Broken(f"{what}: {{no_answer}}", "exception 01") from error
 
 
 def _told(code: int) -> str:

@@ -27,7 +27,7 @@ async def images(subject: Subject) -> None:
             wrong.append(f"{span(image.address, image.words)}: {refusal(error)}")
         except BadAnswer as error:
             raise Skipped("needs", "telegram") from error
-    require(not wrong, several(wrong), "1 × 03")
+    require(not wrong, several(wrong), "{one_telegram}")
 
 
 async def generation(subject: Subject) -> None:
@@ -42,7 +42,7 @@ async def generation(subject: Subject) -> None:
             continue
         end = image.address + image.words - 1
         wrong.append(f"{at(image.address, words[0])}, {at(end, words[-1])} ({TRIES} ×)")
-    require(not wrong, several(wrong), "0x…00 = 0x…FF, 2n")
+    require(not wrong, several(wrong), "{same_even}")
 
 
 async def swap(subject: Subject) -> None:
@@ -58,7 +58,7 @@ async def swap(subject: Subject) -> None:
             place = next(n for n, (old, new) in enumerate(zip(before, after, strict=True)) if old != new)
             old, new = before[place], after[place]
             wrong.append(f"{at(image.address, after[0])}, 0x{image.address + place:04X}: {old} → {new}")
-    require(not wrong, several(wrong), "0x…00: n → n + 2")
+    require(not wrong, several(wrong), "{risen_by_two}")
 
 
 async def spare(subject: Subject) -> None:

@@ -43,7 +43,7 @@ async def ring(subject: Subject) -> None:
 async def ring_rows(subject: Subject) -> None:
     """The event with a sequence stands in row `sequence % capacity`."""
     events, wrong = await _events(subject)
-    require(not wrong, several(wrong), f"0x{plc_map.EVENT_ROWS:04X} + (n % 0x0401) × 0x0402")
+    require_none(wrong)
     if not events:
         raise Skipped("nothing")
 
@@ -69,10 +69,10 @@ async def event_time(subject: Subject) -> None:
         if other.time < one.time
     ]
     wrong += [f"{event.sequence}: {event.time}" for event in events if event.time > now]
-    require(not wrong, several(wrong), f"n ≤ n + 1 ≤ {now} µs")
+    require(not wrong, several(wrong), f"{{not_falling}}, ≤ {now} µs")
 
 
-async def _events(subject: Subject) -> tuple[list[DeviceEvent], list[str]]:
+async def _events(subject: Subject) -> tuple[list[DeviceEvent], list[tuple[str, str]]]:
     """The events that are there and stay there while they are read, and the rows that are not what their place says."""
     before = await subject.again(RING)
     capacity, size = before[1], before[2]
@@ -86,14 +86,15 @@ async def _events(subject: Subject) -> tuple[list[DeviceEvent], list[str]]:
         rows.update({slot + n: words[n * size : (n + 1) * size] for n in range(count)})
     after = await subject.again(RING)
     still = number(after[plc_map.AT_OLDEST : plc_map.AT_OLDEST + 2])
-    events, wrong = [], []
+    events: list[DeviceEvent] = []
+    wrong: list[tuple[str, str]] = []
     for sequence in range(max(first, still, 1), newest + 1):
         slot = sequence % capacity
         event = plc_map.event_of(rows[slot])
         if event.sequence == sequence:
             events.append(event)
         else:
-            wrong.append(f"{at(plc_map.EVENT_ROWS + slot * size, event.sequence)} ({sequence})")
+            wrong.append((at(plc_map.EVENT_ROWS + slot * size, event.sequence), f"{sequence}"))
     return events, wrong
 
 
@@ -110,7 +111,7 @@ async def answers(subject: Subject) -> None:
             free = True
             continue
         if free or row[0] in ids:
-            wrong.append((at(where, row[0]), "≠"))
+            wrong.append((at(where, row[0]), "{once}"))
         if not AnswerState.ACCEPTED <= row[1] <= max(AnswerState):
             wrong.append((at(where + 1, row[1]), "1 … 6"))
         if row[1] == AnswerState.REJECTED and row[2] not in subject.kind.reasons:
@@ -130,7 +131,7 @@ async def tables(subject: Subject) -> None:
         found = await _table(subject, table)
         generation, capacity, count, size = found.head
         require(size == table.row, at(table.address + 3, size), f"{table.row}")
-        require(generation % 2 == 0, at(table.address, generation), "2n")
+        require(generation % 2 == 0, at(table.address, generation), "{even}")
         require(capacity, at(table.address + 1, capacity), "≥ 1")
         require(count <= capacity, at(table.address + 2, count), f"≤ {capacity}")
         subject.tables[table.key] = found
@@ -148,9 +149,9 @@ async def rows(subject: Subject) -> None:
             where = table.address + plc_map.TABLE_HEAD + slot * table.row
             if not _row_whole(row):
                 ends = f"{at(where + plc_map.ROW_GENERATION, row[2])}, {at(where + table.row - 1, row[-1])}"
-                wrong.append((ends, "=, 2n"))
+                wrong.append((ends, "{same_even}"))
             elif ids[slot] and ids[slot] in ids[:slot]:
-                wrong.append((at(where, ids[slot]), "≠"))
+                wrong.append((at(where, ids[slot]), "{once}"))
             elif ids[slot]:
                 wrong += _strange(subject, table, row, where)
     require_none(wrong)

@@ -60,7 +60,7 @@ async def command_whole(subject: Subject) -> None:
             require(error.code == 3, f"{span(plc_map.COMMAND, len(part))}: {refusal(error)}", "exception 03")
             continue
         except NoAnswer as error:
-            raise Broken(f"{span(plc_map.COMMAND, len(part))}: —", "exception 03") from error
+            raise Broken(f"{span(plc_map.COMMAND, len(part))}: {{no_answer}}", "exception 03") from error
         except BadAnswer as error:
             raise Skipped("needs", "telegram") from error
         await asyncio.sleep(SETTLED)
@@ -124,7 +124,7 @@ async def commit(subject: Subject) -> None:
             raise Skipped("own_reason")  # a crane that moves takes no settings at all
         _require_rejected(answer, reason)
     after = await subject.again(image)
-    require(after[1:-1] == words[1:-1], span(image.address, image.words), "=")
+    require(after[1:-1] == words[1:-1], span(image.address, image.words), "{unchanged}")
 
 
 async def acknowledge(subject: Subject) -> None:

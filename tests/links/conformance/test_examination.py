@@ -1,6 +1,7 @@
 """Our virtual PLCs keep every rule of the map; a server that breaks one is told that rule and no other."""
 
 import asyncio
+import re
 import struct
 from collections.abc import Callable
 from struct import pack, unpack
@@ -10,7 +11,7 @@ import pytest
 
 from app.errors import NoAnswer
 from app.links.conformance.examination import RULES
-from app.links.conformance.finding import State
+from app.links.conformance.finding import WORDS, State
 from app.registers import plc_map
 from app.sim.bus import Bus
 from tests.conftest import ROOT
@@ -363,7 +364,7 @@ def put(words: dict[int, int | Callable[[int], int]]) -> Callable[[Bus, int], Fa
 
 BREAKS: list[tuple[str, str, Callable[[Bus, int], Faulty], str]] = [
     ("addressing", "registers count from 1", OneOff, "0x0001 = 0x5047"),
-    ("header", "nobody answers", Silent, "—"),
+    ("header", "nobody answers", Silent, "{no_answer}"),
     ("header", "not in one telegram", HeaderInParts, "exception 03"),
     ("byte_order", "little-endian", SwappedBytes, "0x4750"),
     ("magic", "another number", put({0: 0x1234}), "0x1234"),
@@ -400,7 +401,7 @@ BREAKS: list[tuple[str, str, Callable[[Bus, int], Faulty], str]] = [
     ("event_time", "of the future", EventsOfTheFuture, ": 28147"),
     ("answers", "state 9", put({0x0322: 9}), "0x0322 = 9"),
     ("tables", "rows of 23 words", put({TABLE + 3: 23}), "0x0803 = 23"),
-    ("tables", "silent", SilentTable, "—"),
+    ("tables", "silent", SilentTable, "{no_answer}"),
     ("rows", "torn", put({TABLE + 6: 4}), "0x0806 = 4"),
     ("rows", "a state that is none", put({TABLE + 7: 17}), "0x0807 = 17"),
     ("host_heartbeat", "not shown", NoHeartbeatIn, "0x0009 = 43981"),
@@ -441,6 +442,8 @@ async def test_a_break_is_found_and_no_other_rule_is_blamed(
     assert rules_in(found, State.BROKEN) == {rule}, [one for one in found.values() if one.state is State.BROKEN]
     assert seen in found[rule].seen
     assert found[rule].expected
+    told = found[rule].seen + found[rule].expected
+    assert set(re.findall(r"\{(.*?)\}", told)) <= set(WORDS) and not re.search("[—≠]|= ?$|2n| × 0", told), told
 
 
 def test_every_rule_is_broken_by_some_server() -> None:

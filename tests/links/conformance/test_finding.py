@@ -9,7 +9,7 @@ from app.links.conformance.finding import Broken, Skipped, at, refusal, require,
 def test_registers_and_refusals_are_written_in_one_way() -> None:
     assert (at(0x100, 4), span(0x100, 96), span(9, 1)) == ("0x0100 = 4", "0x0100–0x015F", "0x0009")
     assert refusal(DeviceException(2)) == "exception 02"
-    assert refusal(NoAnswer("silence")) == "—"
+    assert refusal(NoAnswer("silence")) == "{no_answer}"
     assert several("abc") == "a, b, c"
     assert several("abcdefg") == "a, b, c, d, … (7)"
 
