@@ -294,6 +294,6 @@ def spoken(texts: Texts, lang: str, type: str, params: Mapping[str, object]) -> 
     def word(value: object) -> object:
         if isinstance(value, list | tuple):
             return "".join(str(word(part)) for part in value)
-        return texts.of_type(lang, type, value[1:]) if isinstance(value, str) and value.startswith("@") else value
+        return texts.of_former(lang, type, value[1:]) if isinstance(value, str) and value.startswith("@") else value
 
     return {name: word(value) for name, value in params.items()}

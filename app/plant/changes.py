@@ -193,9 +193,10 @@ def _differences(
         effects.append(("machine_runs", {"id": old.id}))
     if place != (new.link, new.unit, new.base):
         effects.append(("elsewhere", {"link": new.link, "unit": str(new.unit)}))
-    elif details:
+    elif details and old.type.name == new.type.name:
         effects.append(("texts", {}))
     if old.type.name != new.type.name:
+        effects.append(("other_type", {"id": new.id}))
         details.append(f"type: {old.type.name} → {new.type.name}")
     if _differs(old, new, "preset"):
         details.append(_detail("preset", old.preset, new.preset))

@@ -73,6 +73,12 @@ class Texts:
             own = kind.texts
         return self._find(lang, key, params, own, self._plant.texts if self._plant else {}, self._product)
 
+    def of_former(self, lang: str, kind: EquipmentType | str, key: str, /, **params: object) -> str:
+        """`of_type` for a key that was written down some time ago: the machine may be of another type now, or gone, and a key that exists
+        nowhere comes as its last part (`sp` of `point.sp`)."""
+        found = self.of_type(lang, kind, key, **params)
+        return key.rpartition(".")[2] if found == f"[{key}]" else found
+
     def label(self, lang: str, label: Label) -> str:
         """A label of the plant file in `lang`, with a language mark when it is in another one."""
         if lang in label:

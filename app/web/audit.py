@@ -284,9 +284,10 @@ def _reason(request: Request, line: Record) -> str:
     params |= {name.removeprefix("reason_"): value for name, value in params.items() if name.startswith("reason_")}
     runtime = view_of(request).runtime(request)
     item = runtime.plant.equipment.get(line.object.partition(".")[0]) if runtime.plant else None
-    if item is not None and params.get("label"):
+    if params.get("label"):
         numbers = {name: value for name, value in params.items() if name != "label"}
-        params["label"] = runtime.texts.of_type(language.language_of(request), item.type, params["label"], **numbers)
+        kind = item.type if item else ""
+        params["label"] = runtime.texts.of_former(language.language_of(request), kind, params["label"], **numbers)
     if values := values_of(line.parameters):
         params["values"] = ", ".join(
             f"{key} = {'?' if now is None else f'{now:g}'} ({_known(request, f'set.{stands}', stands)})"

@@ -64,6 +64,18 @@ def test_a_difference_is_told_with_what_follows(
     assert effects(demo, read(tmp_path, DEMO.replace(old, new)))[0] == expected
 
 
+def test_another_type_is_no_matter_of_labels(demo: Plant, tmp_path: Path) -> None:
+    """It said: labels and places only; nothing is interrupted."""
+    head, _, rest = DEMO.partition("[equipment.m2]")
+    rest = rest.replace("rated_current = 2.5\n", "", 1).replace('type = "eura_e800"', 'type = "conveyor"', 1)
+    (change,) = [one for one in compare(demo, read(tmp_path, f"{head}[equipment.m2]{rest}")) if one.name == "m2"]
+    told = [effect.key for effect in change.effects]
+    assert told[0] == "other_type" and not {"texts", "elsewhere"} & set(told), told
+    rest = rest.replace("unit = 2\n", "unit = 77\n", 1)
+    (change,) = [one for one in compare(demo, read(tmp_path, f"{head}[equipment.m2]{rest}")) if one.name == "m2"]
+    assert [effect.key for effect in change.effects][:2] == ["elsewhere", "other_type"]
+
+
 def test_a_removed_machine_keeps_its_history_by_the_lasting_id(demo: Plant, tmp_path: Path) -> None:
     renamed_first = read(tmp_path, DEMO.replace("[equipment.m2]", '[equipment.west]\nwas = "m2"'))
     gone = read(tmp_path, DEMO.replace(DEMO[DEMO.index("# Hold-to-run works") : DEMO.index("# The wooden model")], ""))

@@ -49,6 +49,15 @@ def test_a_missing_language_falls_back_with_its_mark() -> None:
     assert texts.text("hr", "no.such.key") == "[no.such.key]"
 
 
+def test_a_key_that_was_written_down_under_another_plant_is_told_by_its_last_part() -> None:
+    plant, _ = read_plant(DEMO)
+    texts = Texts(ROWS, plant)
+    for kind in ("", "eura_e800", "gone", *(plant.types.values() if plant else ())):
+        assert texts.of_former("en", kind, "point.no_such") == "no_such"
+        assert texts.of_former("hr", kind, "who", user="Ana") == "upravlja: Ana"
+    assert texts.of_former("de", "eura_e800", "command.stop") == texts.of_type("de", "eura_e800", "command.stop")
+
+
 def test_the_plants_first_language_comes_before_english() -> None:
     plant, _ = read_plant(DEMO)
     assert plant

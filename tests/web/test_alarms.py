@@ -121,6 +121,15 @@ def test_one_alarm_is_read_by_everybody_in_their_language_with_their_numbers(hal
             assert text in unescape(hall.page(path, lang)), (lang, path)
 
 
+def test_an_alarm_of_a_machine_that_was_of_another_type_then_shows_no_key(hall: Hall) -> None:
+    """Its command was told as `[point.sp]` on every page once the type of the machine had been changed and the plant been reloaded."""
+    hall.tell("command_unconfirmed", "m1", command="@point.former_setpoint")
+    for lang in LANGUAGES:
+        page = hall.page("/alarms", lang)
+        assert "former_setpoint" in page and "[point" not in page and "@point" not in page, lang
+    assert "Command not confirmed: former_setpoint" in hall.page("/")
+
+
 def test_the_list_shows_what_waits_first_and_its_detail_what_to_do(hall: Hall) -> None:
     hall.tell("command_unconfirmed", "m1", command="@command.forward")
     hall.tell("stop_unconfirmed", "m2")

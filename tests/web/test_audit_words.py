@@ -88,6 +88,14 @@ def test_what_is_not_in_the_plant_any_more_stays_as_it_was_written(staff: Staff)
     assert cells[5:7] == ["5.0", "6.0"]
 
 
+@pytest.mark.parametrize("machine", ["m1", "gone"])
+def test_the_label_of_a_command_that_the_machine_has_no_more_is_no_key(staff: Staff, machine: str) -> None:
+    """`[command.off]` of the type that it had, or the key as it is once the machine was taken out."""
+    superseded = {"reason": "why.superseded", "reason_label": "command.former_order", "reason_display": "Ivo"}
+    cells = written(staff, "en", "command", None, f"{machine}.former_order", "", "", "superseded", **superseded)
+    assert "Newer command: former_order, Ivo" in " ".join(cells)
+
+
 def test_what_went_well_is_not_marked_as_what_did_not(staff: Staff) -> None:
     for result, marked in (("confirmed", False), ("sent", False), ("refused", True), ("unconfirmed", True)):
         written(staff, "en", "command", None, "m1.forward", result=result)
