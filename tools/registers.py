@@ -23,13 +23,14 @@ LANGUAGE = "en"
 TAKES: Mapping[str, int] = {"u32": 2, "i32": 2, "f32": 2, "u64": 4}
 """Words of a number; all others have one."""
 
+FLAGS = ((words.SIMULATED, "simulated"), (words.WRITABLE, "writable"), (words.LOCAL, "local"))
 HEADER: Sequence[tuple[int, str, str]] = (
     (words.AT_MAGIC, "u16", f"magic 0x{words.MAGIC:04X}; another one: nothing of the machine is believed"),
     (words.AT_MAJOR, "u16", f"map major {words.MAJOR}; another one: all values bad (configuration), writes refused"),
     (words.AT_MINOR, "u16", f"map minor {words.MINOR}; a newer one is fine"),
     (words.AT_TYPE, "u16", "type {type_code}"),
     (words.AT_CRC, "u32", "check sum of the configuration; another one than before is told"),
-    (words.AT_FLAGS, "u16", f"bits {words.SIMULATED} simulated, {words.WRITABLE} writable, {words.LOCAL} local"),
+    (words.AT_FLAGS, "u16", ", ".join(f"bit {flag.bit_length() - 1} {told}" for flag, told in FLAGS)),
     (words.AT_BOOTS, "u16", "boot count"),
     (words.AT_HEARTBEAT, "u16", "heartbeat out, +1 per scan"),
     (words.AT_HOST_HEARTBEAT, "u16", "heartbeat in: the host writes it (06)"),

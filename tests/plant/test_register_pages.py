@@ -4,6 +4,7 @@ import re
 
 from app.plant import types
 from app.plant.plant_files.languages import LANGUAGES
+from app.plant.texts import Texts
 from app.registers import plc_map
 from app.sim.plc import header
 from tools import registers
@@ -34,6 +35,17 @@ def test_a_page_names_every_register_command_event_and_reason() -> None:
         assert any(f"`{key}`" in row for row in rows), key
     for column in (column for columns in data.columns.values() for column in columns):
         assert any(f"`{column}`" in row for row in rows), column
+
+
+def test_a_flag_of_the_header_is_named_by_the_number_of_its_bit() -> None:
+    """`bits 1 simulated, 2 writable` was read as bit 2, which says local: nothing was written to such a PLC."""
+    page = registers.page(types.read_type("conveyor", LANGUAGES)[0])
+    (row,) = re.findall(r"^\| 6 \| u16 \| (bit 0 .*) \|$", page, re.MULTILINE)
+    told = {name: 1 << int(bit) for bit, name in re.findall(r"bit (\d+) (\w+)", row)}
+    assert told == {"simulated": plc_map.SIMULATED, "writable": plc_map.WRITABLE, "local": plc_map.LOCAL}
+    for language in LANGUAGES:
+        place = re.findall(r"\(\w+ (\d+), \w+ (\d+)\)", Texts.read().text(language, "conform.why.not_writable"))
+        assert place == [(str(plc_map.AT_FLAGS), str(plc_map.WRITABLE.bit_length() - 1))], language
 
 
 def test_every_word_of_an_image_is_said_to_be_something() -> None:
