@@ -103,6 +103,17 @@ def test_the_shipped_lessons_speak_every_language() -> None:
         assert all(set(text) == LANGUAGES and all(text.values()) for text in texts), lesson.name
 
 
+def test_the_lesson_of_the_manual_can_be_taken_as_it_stands_and_shows_answers_too(folder: Path) -> None:
+    """How an answer is written stood nowhere."""
+    page = (Path(__file__).parents[2] / "docs" / "lessons.md").read_text("utf-8")
+    lesson = "\n".join(line[4:] for line in page.splitlines() if line.startswith("    ") or not line)
+    assert problems(folder, lesson[lesson.index("[lesson]") :], "manual.toml") == []
+    plant, _ = read_plant(folder)
+    assert plant is not None
+    run, trip, asked = plant.lessons["manual"].steps
+    assert run.until and trip.cause == "ESP" and [one.right for one in asked.choices] == [True, False]
+
+
 def test_a_lesson_that_was_changed_is_a_change_of_the_plant(folder: Path, tmp_path: Path) -> None:
     from app.plant.changes import compare
 
