@@ -66,6 +66,13 @@ class Meter(asyncio.Protocol):
         return bytes((3, 2 * number)) + b"".join(pack(">H", self.registers[at]) for at in asked)
 
 
+def test_the_files_of_the_page_are_read_without_a_warning(tmp_path: Path) -> None:
+    """`pogon check` said that it has no area."""
+    plant, problems = read_plant(write(tmp_path))
+    assert plant, problems
+    assert [str(one) for one in plant.doubts] == [] and plant.equipment["p1"].area == "energy"
+
+
 @pytest.fixture
 def client(tmp_path: Path) -> Iterator[VirtualClient]:
     high, low = unpack(">HH", pack(">f", 5.25))
@@ -132,7 +139,7 @@ def test_a_reload_says_that_its_type_is_another_one(client: VirtualClient) -> No
     [
         ("points.toml", "address = 12", "adress = 12", "equipment/meter/points.toml"),
         ("points.toml", 'kind = "enum"', 'kind = "enom"', "equipment/meter/points.toml:20: state.kind"),
-        ("device.toml", "low = 1\n", "low = 11\n", "equipment/meter/device.toml:12: options.rated_power.default = 10"),
+        ("device.toml", "low = 1\n", "low = 11\n", "equipment/meter/device.toml:13: options.rated_power.default = 10"),
         ("device.toml", 'label = "type"', 'label = "type"\nkin = "../../etc"', "expected another type: "),
         ("texts.en.toml", 'off = "Switch off"', "", "texts.en.toml: command.off = missing: expected a text in one of the languages"),
         ("alarms.toml", "power > rated_power", "powr > 1", "equipment/meter/alarms.toml:2: too_much.expression"),
