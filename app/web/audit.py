@@ -302,6 +302,8 @@ def _reason(request: Request, line: Record) -> str:
             if role in PERMISSIONS.get(params.get("permission", ""), ())
         ]
         return _known(request, "audit.needs", "", roles=" / ".join(roles)) if roles else ""
+    code = params.setdefault("code", "?")  # older lines do not have it
+    params["meaning"] = _known(request, fmt.exception_key(int(code) if code.isdecimal() else 0), "")
     told = _known(request, line.reason, line.reason, **params) if line.reason else ""
     return f"{told} (×{params['count']})" if told and line.kind == "command" and "count" in params else told
 

@@ -73,6 +73,8 @@ class CommandWords:
             result["since"] = self.time(since)
         if isinstance(cause := params.get("cause"), str) and cause and "because" not in params:
             result["because"] = self.equipment.text(cause, **result)
+        if isinstance(code := params.get("code"), int):
+            result["meaning"] = text(fmt.exception_key(code))
         wanted = label or params.get("label")
         result["label"] = self.told(str(wanted), params) if wanted else self.equipment.label
         return result

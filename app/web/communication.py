@@ -16,7 +16,7 @@ from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 
 from app.addresses import as_written
-from app.errors import EXCEPTION_NAMES, Refused
+from app.errors import Refused
 from app.links import bus_load
 from app.links.register_link import RegisterLink
 from app.links.scan_block import ScanBlock, words_of
@@ -304,8 +304,7 @@ def _hearing(request: Request, link: RegisterLink) -> list[str]:
 
 
 def _exception(request: Request, code: int) -> str:
-    name = f"communication.exception.{code}" if code in EXCEPTION_NAMES else "communication.exception.other"
-    return f"{code:02d} {view_of(request).text(request, name)}"
+    return f"{code:02d} {view_of(request).text(request, fmt.exception_key(code))}"
 
 
 def _bus_load(request: Request, link: RegisterLink, unit: int, registers: int) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from decimal import ROUND_HALF_UP, Context, Decimal
 from zoneinfo import ZoneInfo
 
 from app.clock import to_datetime
+from app.errors import EXCEPTION_NAMES
 from app.tags.quality import BAD, GOOD, Origin, QualityReason, level, origin, reason
 
 Text = Callable[..., str]
@@ -224,6 +225,11 @@ def quality_words(quality: int, text: Text) -> str:
     if source != "field":
         words = text("quality.from", quality=words, origin=text(f"quality.origin.{source}"))
     return words
+
+
+def exception_key(code: int) -> str:
+    """Key of the product text that names the Modbus exception `code`."""
+    return f"communication.exception.{code if code in EXCEPTION_NAMES else 'other'}"
 
 
 def parameters(params: Mapping[str, object], lang: str, text: Text) -> dict[str, object]:

@@ -88,6 +88,23 @@ def test_what_is_not_in_the_plant_any_more_stays_as_it_was_written(staff: Staff)
     assert cells[5:7] == ["5.0", "6.0"]
 
 
+@pytest.mark.parametrize(
+    ("lang", "code", "said"),
+    [
+        ("en", "6", "(exception 6): device busy"),
+        ("de", "2", "(Ausnahme 2): unzulässige Adresse"),
+        ("hr", "99", "(iznimka 99): nepoznata iznimka"),
+    ],
+)
+def test_what_a_device_refused_with_has_its_name(staff: Staff, lang: str, code: str, said: str) -> None:
+    cells = written(
+        staff, lang, "command", None, "m1.f114", "", "", "failed", reason="why.device_refused", reason_code=code
+    )
+    assert said in " ".join(cells)
+    cells = written(staff, lang, "command", None, "m1.f114", "", "", "failed", reason="why.device_refused")
+    assert "?): " in " ".join(cells) and "{" not in " ".join(cells), "a line of before"
+
+
 @pytest.mark.parametrize("machine", ["m1", "gone"])
 def test_the_label_of_a_command_that_the_machine_has_no_more_is_no_key(staff: Staff, machine: str) -> None:
     """`[command.off]` of the type that it had, or the key as it is once the machine was taken out."""

@@ -112,7 +112,9 @@ def test_an_instructor_breaks_its_line_and_causes_its_fault(client: VirtualClien
     assert ana.post("/instructor/e1/fault", fragment=False, code="7").status_code == 303
     assert until(lambda: value(client, "e1.state") == 0, 5)
     ana.press("/equipment/e1/command/on")
-    assert until(lambda: "The device refused (exception 4)" in words(ana.get("/equipment/e1/commands").text), 5)
+    assert until(
+        lambda: "The device refused (exception 4): device failure" in words(ana.get("/equipment/e1/commands").text), 5
+    )
     # one unit is one device: the line of w2 is that of w1, and of no other unit
     told = {"mode": "1", "delay": "0", "argument": "0", "count": "0"}
     assert ana.post("/instructor/w2/line", fragment=False, **told).status_code == 303

@@ -147,7 +147,7 @@ def test_a_command_writes_a_coil_and_is_done_when_the_machine_says_so(client: Vi
     rack.functions = (1, 2, 3, 4)
     ana.press("/equipment/r1/command/start")
     client.pass_time(4)
-    assert "The device refused (exception 1)" in words(ana.get("/equipment/r1/commands").text)
+    assert "The device refused (exception 1): illegal function" in words(ana.get("/equipment/r1/commands").text)
 
 
 def test_a_parameter_may_be_a_coil(client: VirtualClient, rack: Rack) -> None:

@@ -25,6 +25,8 @@ GRAVE_KINDS = (
 LONGEST_TEXT = 500
 """Characters of a field; what is longer is cut and ends with …."""
 _HIDDEN = ("password", "secret", "token", "cookie", "csrf", "sid", "hash", "code")
+_TOLD = "reason_code"
+"""What a device refused with: an exception, or a reason of its own."""
 _BACKWARDS = {0x2028, 0x2029, *range(0x202A, 0x202F), *range(0x2066, 0x206A), 0x200E, 0x200F, 0xFEFF}
 
 
@@ -155,7 +157,7 @@ def _as_text(value: object) -> str:
 
 
 def _secret(name: str) -> bool:
-    return any(word in name.lower().split("_") for word in _HIDDEN)
+    return name != _TOLD and any(word in name.lower().split("_") for word in _HIDDEN)
 
 
 def _escaped(letter: str) -> str:

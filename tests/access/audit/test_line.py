@@ -25,7 +25,9 @@ async def test_a_line_says_who_when_where_what_from_and_to(access: Access, clock
     assert (line.time, line.result, line.parameters) == (clock.micros(), "ok", {"unit": "Hz"})
 
 
-@pytest.mark.parametrize("name", ["password", "new_password", "token", "csrf", "secret_key", "sid"])
+@pytest.mark.parametrize(
+    "name", ["password", "new_password", "token", "csrf", "secret_key", "sid", "code", "first_code", "code_reason"]
+)
 async def test_a_secret_is_never_written(access: Access, data: Path, name: str) -> None:
     await access.audit.record("x", boss(), **{name: "top secret value"})
     (line,) = await access.audit.find(Filter())
