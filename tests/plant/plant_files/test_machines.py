@@ -11,7 +11,7 @@ MISTAKES = [
     ("unit = 1", "unit = 0", "equipment.m2.unit", "0", "from 1 to 247"),
     ("unit = 1", "unit = 248", "equipment.m2.unit", "248", "from 1 to 247"),
     ("unit = 1", "unit = 1.5", "equipment.m2.unit", "1.5", "a whole number"),
-    ("unit = 1", "unit = true", "equipment.m2.unit", "True", "a whole number"),
+    ("unit = 1", "unit = true", "equipment.m2.unit", "true", "a whole number"),
     ("unit = 1", "", "equipment.m2.unit", "missing", "from 1 to 247"),
     ("unit = 1", "unit = 1\nrepeat = 0", "equipment.m2.repeat", "0", "from 1 to 1000"),
     ("unit = 1", "unit = 200\nrepeat = 50", "equipment.m2.repeat", "50", "at most 48"),

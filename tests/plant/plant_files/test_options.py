@@ -30,7 +30,7 @@ MISTAKES = [
         for key, given, shown, expected in (
             ("normal", "[-inf, inf]", "[-inf, inf]", "two finite numbers"),
             ("normal", "[-1e308, 1e308]", "[-1e+308, 1e+308]", "two finite numbers"),
-            ("normal", "[false, true]", "[False, True]", "two finite numbers"),
+            ("normal", "[false, true]", "[false, true]", "two finite numbers"),
             ("scale_high", "1e308", "1e+308", "from -1e+100 to 1e+100"),
         )
     ),

@@ -48,7 +48,7 @@ def test_without_the_file_there_is_none_and_an_empty_one_is_a_mistake(tmp_path: 
         ("meter", "limit = 50", "limt = 50", "start.limt", "50", "(perhaps limit)"),
         ("meter", "limit = 50", "limit = 500", "start.limit", "500", "a number from 1 to 100"),
         ("meter", "limit = 50", "", "start.limit", "missing", "a number from 1 to 100"),
-        ("meter", "limit = 50", "limit = true", "start.limit", "True", "a number or an expression over options"),
+        ("meter", "limit = 50", "limit = true", "start.limit", "true", "a number or an expression over options"),
         ("meter", '"1000 * rated_power"', '"1000 * power"', "start.energy", "1000 * power", "options of meter"),
         ("meter", '"1000 * rated_power"', "-1", "start.energy", "-1", "a number from 0 to "),
         ("meter", "limit = 50", "limit = 50\nstate = 2", "start.state", "2", "one of 0, 1"),
