@@ -41,7 +41,7 @@ class PagePlc:
         self._put(head["map major 1"], 1)
         self._put(head["map minor 6"], 6)
         self._put(head[f"type {page.type_code}"], page.type_code)
-        self._put(head["bits 1 simulated"], 2)
+        self._put(head["bit 0 simulated"], 2)
         self._put(head["boot count"], 1)
         if page.settings:
             self.memory[page.settings.address + 1] = len(page.settings.cells)

@@ -188,7 +188,7 @@ def test_the_header_is_what_its_rows_say(kind: str) -> None:
         and long(last, f"type {page.type_code}") == data_of(kind).type.device.plc.type_code
     )  # type: ignore[union-attr]
     assert (long(last, "map major 1"), long(last, "map minor 6")) == (1, 6)
-    assert long(last, "bits 1 simulated") == 3
+    assert long(last, "bit 0 simulated") == 3
     assert long(last, "step number") - long(first, "step number") == scans
     assert long(last, "heartbeat out") - long(first, "heartbeat out") & 0xFFFF == scans
     assert long(last, "device time [µs]") - long(first, "device time [µs]") == scans * 10_000
