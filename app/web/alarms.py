@@ -197,7 +197,8 @@ def kept_filters(request: Request) -> list[tuple[str, str]] | None:
 def tabs(request: Request, narrowed: Mapping[str, str]) -> dict[str, Any]:
     """The tabs of everything about alarms, each with its count and its address; `narrowed` is the filter that they keep."""
     text, counts = _view(request).text, _engine(request).counts.values()
-    counted = {"active": "total", "unack": "unack", "hidden": "hidden"}
+    known = _view(request).runtime(request).plant is not None  # of machines that nobody watches 0 would be a claim
+    counted = {"active": "total", "unack": "unack", "hidden": "hidden"} if known else {}
     return {
         "tabs": [
             (tab, text(request, f"alarm.tab.{tab}"), counted.get(tab, ""), counts[counted[tab]] if tab in counted else "")

@@ -86,7 +86,7 @@ class Gatekeeper:
             await self._app(scope, receive, send)
             return
         state = scope.setdefault("state", {})
-        state |= {"person": None, "csrf": "", "bound": "", "bearer": False, "over": ""}
+        state |= {"person": None, "csrf": "", "bound": "", "bearer": False, "over": "", "unread": False}
         access = access_of(scope["app"])
         if access is None or scope["path"].startswith(UNTOUCHED):
             await self._app(scope, receive, send)
@@ -124,6 +124,7 @@ class Gatekeeper:
                 person = await access.sessions.find(sid, address_of(scope), headers.get("user-agent", ""))
             except StorageError as error:
                 log.error("session not read reason=%s", error)
+                state["unread"] = True
         state["person"] = person
         if person is not None:
             bound = sid

@@ -1,12 +1,15 @@
 """The socket of a page: `/live` carries what its tags do, and nothing else.
 
     browser → {"subscribe": kind, "rev": n}          first, and again after a new revision
-    server  → {"hello": {"kind", "rev", "handles": {name: handle}, "build"}}, then frames (live/frames.py), the first one full
+    server  → {"hello": {"kind", "rev", "handles": {name: handle}, "build", "who"}}, then frames (live/frames.py), the first one full
     browser → {"snapshot": true}                     after a gap in `n`: the next frame is full
     browser → {"hold": {"equipment", "lease", "counter"}}   every 150 ms while a hold-to-run button is held; the first one starts the motion
     browser → {"hold": {"equipment", "lease", "release": cause}}
     server  → {"hold": {"lease", "counter"}}, with "over": words when the motion ended or never began
-    server  → {"error": code}, then it closes: bad_message, unknown_kind, not_allowed, too_large, too_fast, too_many_tags
+    server  → {"error": code}, then it closes: bad_message, unknown_kind, not_allowed, too_large, too_fast, too_many_tags,
+                                                          unavailable
+
+`who` is the name of whoever is signed in, empty for nobody; it is left out while the database does not say.
 
 The route asks for host, origin, number of sockets and the right to the page at opening, and for the right again every 30 s.
 """
@@ -364,12 +367,14 @@ class _Conversation:
             names = page_tags(kind, self.runtime.plant, self.runtime.points)
         except LookupError:
             raise _Refuse("unknown_kind") from None
+        person: Person | None = getattr(self.websocket.state, "person", None)
+        unread = getattr(self.websocket.state, "unread", False)
         if not await self.sockets.may_watch(self.websocket, kind):
-            raise _Refuse("not_allowed")
-        told: dict[str, list[str]] = {}
+            raise _Refuse("unavailable", TRY_LATER) if unread else _Refuse("not_allowed")
+        told: dict[str, Any] = {} if unread else {"who": person.display if person else ""}
         self.asks = kind
         if kind.startswith(TAGS):
-            told = await self.sort_out(kind.removeprefix(TAGS))
+            told |= await self.sort_out(kind.removeprefix(TAGS))
             names = [name for name in names if name not in told.get("denied", ())]
         await self.fall_silent()
         if self.watcher:

@@ -264,6 +264,11 @@ class View:
             values |= self._surroundings(request, lang, context)
             for around in self.around:
                 values |= around(request, lang)
+            if over := getattr(
+                request.state, "over", ""
+            ):  # others ended the session: that goes before what became of the last command
+                told = {"kind": "error", "time": values["now_time"], "text": self.text(request, f"access.over.{over}")}
+                context = context | {"message": told}
         drawn = Drawn(environment, template, values | context, status)
         if frame and (panel := request.query_params.get("panel")) in PANEL:
             secure = request.url.scheme == "https"
@@ -322,10 +327,10 @@ class View:
             "kind": "frame",
             "chip": "",
             "engineering": engineering,
+            "message": None,
             "pages": engineering if _at(path, engineering) else [],
             "up": "" if path == "/" else "/",
             "crumbs": self._crumbs(texts, plant, lang, path, area),
-            "message": self._over(request, fmt.clock_time(now, zone)),
             "theme": theme if theme in THEMES else THEMES[0],
             "themes": [(name, text(f"theme.{name}"), "") for name in THEMES],
             "profile": profile if profile in PROFILES else PROFILES[0],
@@ -353,11 +358,6 @@ class View:
             "htmx_config": json.dumps(HTMX, separators=(",", ":")),
             "live_texts": json.dumps(live_texts(text), ensure_ascii=False, separators=(",", ":")),
         }
-
-    def _over(self, request: Request, now: str) -> dict[str, str] | None:
-        """What somebody whose session was ended by others reads first."""
-        over = getattr(request.state, "over", "")
-        return {"kind": "error", "time": now, "text": self.text(request, f"access.over.{over}")} if over else None
 
     def _tabs(self, texts: Texts, plant: Plant | None, lang: str, path: str, area: str) -> list[Tab]:
         tabs = [Tab(texts.text(lang, "nav.overview"), "/", path == "/")]
@@ -406,6 +406,7 @@ class View:
             }
             for symbol, key, names, look in COUNTS
             if all(name in tags for name in names)
+            and (runtime.plant is not None or look != "f-hidden")  # there 0 would be a claim
         ]
 
 

@@ -5,10 +5,10 @@ import { SPAN, badge, origin, page, server, state, texts, ways } from "./values.
 // Silent for 2 s is delayed; after 3 s the page looks disconnected, and the check itself may be late by 100 ms.
 const DELAYED = 2000, OFFLINE = 2900, MOVE = 100, TEXT = 200, PAUSES = [0, 250, 1000, 2000, 4000];
 const OURS = "[data-command], [data-hold], [data-set], [data-token], [data-offline-off]"; // what nobody can press without the server
-const body = document.body;
+const body = document.body, named = document.querySelector("[data-who]")?.dataset;
 const tags = new Map(); // name → what is known of the tag and what is bound to it
 let byHandle = new Map(), socket = null, rev = null, counted = null;
-let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, written = 0, fresh = false, told = 0, opened = 0, ready = false;
+let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, written = 0, fresh = false, told = 0, opened = 0, ready = false, again = 0;
 
 // ---- binding --------------------------------------------------------------------------------------------------
 
@@ -151,6 +151,7 @@ function open() {
     const message = JSON.parse(data);
     if (message.error) gone((refused = message.error) === "unknown_kind");
     else receive(message);
+    if (refused === "not_allowed" && rev !== null) renew(true, named?.over); // it was allowed when the page came
   };
   here.onclose = here.onerror = () => {
     if (socket !== here) return;
@@ -202,15 +203,18 @@ function welcome(hello) {
     const tag = tags.get(name);
     if (tag) byHandle.set(handle, tag);
   }
-  if (rev !== +page.rev || (page.build && hello.build !== page.build)) renew(rev !== +page.rev);
+  const other = named && hello.who !== undefined && hello.who !== named.who; // the session ended, or somebody else signed in
+  if (other || rev !== +page.rev || (page.build && hello.build !== page.build)) renew(other || rev !== +page.rev, other && named.over);
 }
 
-/** The page is older than the server: reload it when nobody types or holds anything, else only say so. */
-function renew(other) {
+/** The page is older than the server, or somebody else's: reload it when nobody types or holds anything, else only say so, or `why`. */
+function renew(other, why) {
   const busy = document.querySelector("dialog[open], [data-held], [data-dirty]") || document.activeElement?.matches("input:not([type=radio]), select, textarea");
   if (other && !busy) return location.reload();
-  for (const element of document.querySelectorAll("[data-outdated]")) element.hidden = false;
-  if (other) setTimeout(() => renew(true), 2000);
+  if (why) window.pogon.say(why, "error");
+  else for (const element of document.querySelectorAll("[data-outdated]")) element.hidden = false;
+  clearTimeout(again);
+  if (other) again = setTimeout(() => renew(true, why), 2000);
 }
 
 /** For other scripts: what the page knows of a tag now, or undefined. */

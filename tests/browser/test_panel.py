@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Page, Route, StorageState, expect
 
-from tests.browser.station import Sit, let_go, serving, small, take
-from tests.conftest import PogonServer
+from tests.browser.station import PASSWORD, Sit, let_go, serving, small, take
+from tests.conftest import PogonServer, enroll
 
 WHO, HOME = "ivana", "/"
 COVERED = """() => { const stop = document.querySelector('.zone .stop'), { left, top, width, height } = stop.getBoundingClientRect();
@@ -144,3 +144,30 @@ def test_who_takes_control_on_a_slow_line_is_told_to_wait(sit: Sit) -> None:
     held.pop().continue_()
     expect(page.locator(".token").first).to_have_attribute("data-holding", "mine")
     expect(page.locator(".waits")).to_be_hidden()
+
+
+def test_whose_session_an_administrator_ends_reads_so_at_once_on_every_page(
+    sit: Sit, server: PogonServer, sessions: dict[str, StorageState]
+) -> None:
+    sessions.pop("ivo", None)
+    pages = [sit("ivo", "/equipment/m1"), sit("ivo", "/account"), sit("ivo", "/alarms")]
+    typing = pages[-1]
+    typing.locator("#alarm-filter [name=q]").fill("fan")
+    enroll(server.data, {"ada": ("admin",)}, PASSWORD)
+    admin = sit("ada", "/users")
+    row = admin.locator("details.u-row", has=admin.locator(".chip", has_text="ivo"))
+    row.locator("summary").click()
+    while (ends := row.locator("form[action$='/sessions/end'] button")).count():
+        ends.first.click()
+        expect(admin.locator("#content")).to_contain_text("The session has ended.")
+        row.locator("summary").click()
+    told = "Your session was ended by another session or by an administrator"
+    machine, account, _ = pages
+    expect(machine.locator(".head .who")).to_contain_text("Sign in")
+    expect(machine.locator("#message")).to_contain_text(told)
+    expect(account).to_have_url(re.compile("/signin"))
+    expect(account.locator("body")).to_contain_text(told)
+    # who types keeps what was typed, and hears that it leads nowhere
+    expect(typing.locator("#message")).to_contain_text("The session has ended: nothing can be sent from here any more")
+    expect(typing.locator("#alarm-filter [name=q]")).to_have_value("fan")
+    sessions.pop("ivo", None)

@@ -17,7 +17,7 @@ from app.access.session_times import IDLE_AFTER
 from app.access.signin import HalfIn
 from app.access.tables import factor_table
 from app.clock import ManualClock
-from app.errors import ConfigurationError
+from app.errors import ConfigurationError, StorageError
 from app.main import create_app
 from app.settings import Settings
 from app.web.guard import allow, check_declared, permissions
@@ -425,6 +425,42 @@ def hello(staff: Staff, kind: str) -> object:
         socket.send_json({"subscribe": kind, "rev": 0})
         answer = socket.receive_json()
         return answer.get("error") or "hello" in answer
+
+
+def named(staff: Staff) -> object:
+    """Whom a socket of this browser names."""
+    with staff.client.websocket_connect("ws://127.0.0.1:8000/live", headers={"Origin": HOST}) as socket:
+        socket.send_json({"subscribe": "overview", "rev": 0})
+        return socket.receive_json().get("hello", {}).get("who")
+
+
+@pytest.fixture
+def unread(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """From its call on the database does not say whose a session is."""
+
+    async def fail(*_: object) -> None:
+        raise StorageError("disk I/O error")
+
+    return lambda: monkeypatch.setattr(staff.access.sessions, "find", fail)
+
+
+def test_a_socket_says_who_is_signed_in_and_not_that_nobody_is_while_that_cannot_be_read(
+    staff: Staff, unread: Callable[[], None]
+) -> None:
+    staff.have()
+    assert named(staff) == ""
+    staff.enter("ana")
+    assert named(staff) == "ana"
+    unread()
+    assert named(staff) is None
+
+
+def test_a_socket_does_not_refuse_for_good_while_nobody_knows_who_asks(
+    staff: Staff, live_plant: None, unread: Callable[[], None]
+) -> None:
+    staff.enter("the-viewer", "viewer")
+    unread()
+    assert hello(staff, "overview") == "unavailable"
 
 
 def test_a_socket_gives_each_person_the_pages_that_the_person_may_see(staff: Staff, live_plant: None) -> None:

@@ -202,6 +202,10 @@ def test_a_broken_plant_is_explained_on_every_page(start: Start, tmp_path: Path)
         assert 'class="counts"' not in banner[0] and "sys.alarms.total" not in banner[0], "0 would be a claim"
         lists = [unescape(client.get(path).text) for path in ("/alarms", "/alarms?tab=unack", "/alarms/list")]
         assert [one.count(told) for one in lists] == [2, 2, 1] and not any(NO_ALARM[lang] in one for one in lists)
+        pages = [*lists, *(client.get(path).text for path in ("/", "/alarms?tab=journal", "/alarms/statistics"))]
+        assert not any(re.search(r"sys\.alarms\.(total|unack|hidden)", one) for one in pages), (
+            "nor is 0 counted elsewhere"
+        )
     assert client.get("/", headers={"HX-Request": "true"}).status_code == 503
     assert client.get("/static/css/frame.css").status_code == 200
     assert send(client, "/language", {"to": "en"}).status_code == 303
