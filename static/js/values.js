@@ -191,7 +191,7 @@ function drawMany(item) {
     const items = [...told];
     told.clear();
     for (const item of items) {
-      const { element, tags, made } = item, of = made && Object.values(tags).map(({ value, state }) => (state === "bad" ? "bad" : value)).join(" ");
+      const { element, tags, made } = item, of = made && Object.values(tags).map(({ value, state }) => (state === "bad" ? "bad" : state === "good" ? value : `${value}?`)).join(" ");
       element.dispatchEvent(new CustomEvent("tags", { bubbles: true, detail: tags }));
       if (of !== item.of) element.dispatchEvent(new Event("changed"));
       item.of = of;

@@ -399,6 +399,36 @@ def test_all_qualities_look_different(page: Page, hall: Hall, opened: Callable[.
     assert len(set(looks.values())) == len(STATES)
 
 
+@pytest.mark.parametrize("quality", [q.HALTED, q.STALE, q.OUT_OF_RANGE])
+def test_a_word_that_nobody_vouches_for_is_marked_and_what_the_server_made_of_it_is_made_anew(
+    page: Page, hall: Hall, opened: Callable[..., Wire], quality: int
+) -> None:
+    """As a number in its box is; a PLC that stands still goes on telling what it computed last."""
+    wire = opened()
+    after = "(element) => getComputedStyle(element, '::after').content"
+    word = page.locator("main p > span[data-tag='m1.status']").first
+    page.evaluate("""() => {
+        const part = document.createElement("i");
+        Object.assign(part.dataset, { tags: "m1.status", revision: "" });
+        document.querySelector("main").append(part);
+        part.addEventListener("changed", () => { part.dataset.heard = Number(part.dataset.heard ?? 0) + 1; });
+        document.dispatchEvent(new Event("pogon:drawn"));
+    }""")
+    wait_for(page, lambda: wire.asked("subscribe") > 0)
+    heard = page.locator("i[data-heard]")
+    hall.publish_all(q.GOOD, lambda key: 1)
+    wire.send(hall.frame(1))
+    live(page)
+    expect(word).to_have_text("Running forward")
+    assert word.evaluate(after) == "none"
+    before = int(heard.get_attribute("data-heard") or 0)
+    hall.publish_all(quality, lambda key: 1)
+    wire.send(hall.frame(2))
+    expect(word).to_have_attribute("data-q", "stale" if quality == q.STALE else "uncertain")
+    assert word.evaluate(after) == '"?"'
+    expect(heard).to_have_attribute("data-heard", str(before + 1))
+
+
 def test_a_bad_value_leaves_no_number_on_the_page(page: Page, hall: Hall, opened: Callable[..., Wire]) -> None:
     wire = opened()
     hall.publish_all(q.GOOD, lambda key: 1234.0)

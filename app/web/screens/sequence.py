@@ -5,13 +5,14 @@ The device says numbers (steps, bits); the definition in the plant's files says 
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 from app.blocks.sequence import ABORT, ALL, BITS, Cause, SequenceState, StepState
 from app.errors import Refused
 from app.plant.definitions import Command
 from app.plant.sequence_definition import SequenceDefinition, SequencePermissive
+from app.tags.quality import is_unseen, reason
 from app.web import format as fmt
 from app.web.points import EquipmentView, PointView
 from app.web.sequence_plant import SequencePlant
@@ -114,6 +115,8 @@ class Headline:
     """calm, wait or stop."""
     soon: float | None = None
     """While it runs: seconds from which on the greatest time is near."""
+    unseen: bool = False
+    """Whether it is what was last known, and nobody sees what is true now: `detail` says why."""
 
 
 class SequenceView:
@@ -320,7 +323,17 @@ class SequenceView:
 
     @cached_property
     def headline(self) -> Headline:
-        """State, step, seconds waited of those allowed, and what is missing."""
+        """State, step, seconds waited of those allowed, and what is missing; or why nobody knows."""
+        quality = self.equipment.point("state").quality
+        if not is_unseen(quality):
+            return self._seen
+        why = self.equipment.text(f"quality.reason.{reason(quality).name.lower()}")
+        detail = why[:1].upper() + why[1:]
+        return replace(self._seen, symbol="i-link-off", detail=detail, kind="stop", soon=None, unseen=True)
+
+    @property
+    def _seen(self) -> Headline:
+        """What is told of the state as it is known."""
         text, state = self.equipment.text, self.state
         if state is None:
             return Headline(

@@ -207,6 +207,34 @@ def test_what_nobody_knows_is_not_said_to_be_nothing(plant: TestClient, engineer
     assert unknown not in first()
 
 
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_what_a_program_that_stands_still_told_last_is_said_to_be_that(
+    plant: TestClient, engineer: Operator, lang: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engineer.language = lang
+    texts, sim = runtime_of(plant).texts, runtime_of(plant).sim
+    assert sim is not None
+    unknown, why = texts.text(lang, "live.state_unknown"), texts.text(lang, "quality.reason.halted")
+
+    def part(name: str) -> str:
+        return re.sub(
+            r"<(\w+)[^>]*when-offline.*?</\1>", "", engineer.get(f"/equipment/seq2/part/{name}").text, flags=re.S
+        )
+
+    seen = sequence(plant, "seq2", lang).headline
+    assert seen.before in words(part("head")) and unknown not in words(part("head"))
+    with monkeypatch.context() as patch:
+        patch.setattr(sim.devices["seq2"], "step", lambda: None)
+        assert until(lambda: sequence(plant, "seq2", lang).headline.unseen, 20)
+        told = words(part("head"))
+        assert told.index(unknown) < told.index(texts.text(lang, "live.last_state").replace("{}", seen.before))
+        assert why[1:] in told and why[1:] in words(part("why")) and seen.detail not in told
+        for name in ("steps", "word"):
+            assert set(re.findall(r'class="[^"]*num[^"]*"\s+data-q="(\w+)"', part(name))) == {"uncertain"}, name
+    assert until(lambda: not sequence(plant, "seq2", lang).headline.unseen, 20)
+    assert seen.before in words(part("head")) and unknown not in words(part("head"))
+
+
 def test_the_dialog_of_times_says_what_is_there(plant: TestClient, engineer: Operator) -> None:
     engineer.post("/equipment/seq2/token/take")
     dialog = engineer.get("/equipment/seq2/ask/set_times?step=2").text
