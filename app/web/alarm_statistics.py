@@ -143,11 +143,9 @@ def _period(request: Request, typed: dict[str, str], now: int) -> tuple[int, int
         typed["since"] = typed["until"] = ""
         return now - SPANS[typed["span"]], now
     since, until = read_time(request, typed["since"], "since"), read_time(request, typed["until"], "until")
-    if since is None:
-        raise Refused("access.form_field", 422, field="since")
     end = min(now, until if until is not None else now)
-    if not 0 < end - since <= LONGEST:
-        raise Refused("access.form_field", 422, field="until")
+    if since is None or not 0 < end - since <= LONGEST:
+        raise Refused("alarm.stats.wrong_period", 422, n=LONGEST // DAY)
     return since, end
 
 

@@ -118,3 +118,25 @@ def test_a_time_of_ones_own_before_the_first_record_says_that_there_is_nothing(h
     year = hall.page(PAGE).count("data-verdict")
     html = hall.page(f"{PAGE}?span=own&since=2001-01-01T00:00&until=2001-01-02T00:00")
     assert year and "No alarms were recorded in this period" in html and "data-verdict" not in html
+
+
+@pytest.mark.parametrize(
+    ("lang", "told"),
+    [
+        ("hr", "Od mora biti prije Do"),
+        ("en", "From must be before To"),
+        ("de", "Von muss vor Bis"),
+        ("cs", "Od musí být před Do"),
+    ],
+)
+@pytest.mark.parametrize(
+    "typed", ["since=2026-01-02T00:00&until=2026-01-01T00:00", "since=2126-01-01T00:00", "until=2026-01-02T00:00", ""]
+)
+def test_a_period_that_is_none_is_told_in_the_words_of_the_form(hall: Hall, lang: str, told: str, typed: str) -> None:
+    answer = hall.client.get(f"{PAGE}?span=own&{typed}", headers={"Cookie": f"pogon_lang={lang}"})
+    assert answer.status_code == 422
+    assert (
+        told in answer.text
+        and "366" in answer.text
+        and "until" not in answer.text.split("<main")[-1].split("</main")[0]
+    )
