@@ -11,7 +11,6 @@ from zoneinfo import ZoneInfo
 from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response, StreamingResponse
 from sqlalchemy import Connection
-from starlette.exceptions import HTTPException
 
 from app.access.kept import ALARM_FILTER
 from app.access.roles import Person
@@ -113,14 +112,10 @@ async def rows(request: Request) -> Response:
 
 @router.get("/alarms/detail/{occurrence}", dependencies=[allow("view")])
 async def detail(request: Request, occurrence: int) -> Response:
-    """Cause, consequence, response and earlier occurrences of one alarm that stands.
-
-    Raises:
-        HTTPException: 404, it is over.
-    """
+    """Cause, consequence, response and earlier occurrences of one alarm that stands; 404 with the word that it is over."""
     one = _engine(request).find(occurrence)
     if one is None:
-        raise HTTPException(404)
+        return _view(request).fragment(request, "fragments/alarm_detail.html", status=404, detail=None, over=True)
     return _view(request).fragment(
         request,
         "fragments/alarm_detail.html",

@@ -4,8 +4,7 @@ let open = "", shown = "", before = "", revealed = false;
 
 export const rows = () => [...(panel ? document.querySelectorAll("tr[data-row]") : [])];
 
-/** The next answer of the list begins at its first row. */
-export function forget() { open = ""; }
+export function forget() { open = ""; } // the next answer of the list begins at its first row
 
 function show(row) {
   [open, before] = [row.dataset.row, row.dataset.mark];
@@ -32,9 +31,10 @@ document.addEventListener("htmx:after:swap", ({ target }) => {
     shown = open;
     if (revealed && panel.getBoundingClientRect().top > innerHeight - 80) panel.scrollIntoView({ block: "start" }); // on a phone it stands below the list
     revealed = false;
-  } else if (first && target.contains(first)) {
-    const row = open ? rows().find((one) => one.dataset.row === open && one.dataset.mark !== before) : first;
-    row ? show(row) : mark();
+  } else if (first ? target.contains(first) : target.dataset.renewed === "list") {
+    const row = open ? rows().find((one) => one.dataset.row === open) : first;
+    if (shown && !row) window.htmx.trigger(panel, "again"); // it stands in another list now, or is over: the panel says which
+    row && (!open || row.dataset.mark !== before) ? show(row) : mark();
   }
 });
 

@@ -6,7 +6,7 @@ import time
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.station import AXE, Operator
+from tests.browser.station import AXE, Operator, built
 
 CUT = """() => {
     const real = window.fetch;
@@ -327,3 +327,32 @@ def test_an_alarm_is_shelved_with_a_reason_and_comes_back_unacknowledged(operato
     expect(page.locator("#alarms strong")).to_have_text("Converter: overcurrent", timeout=30_000)
     operator.go("/alarms")
     expect(row).to_contain_text("Active, unacknowledged")
+
+
+def test_what_stands_beside_the_list_is_not_left_as_it_was_when_its_row_goes(operator: Operator) -> None:
+    """The shelving of the only one ends while one looks; later somebody else acknowledges what has returned."""
+    page, detail = operator.page, operator.page.locator("#alarm-detail")
+
+    def another(where: str, **form: str) -> None:
+        form |= {"csrf": page.locator("[name=csrf]").first.get_attribute("value") or ""}
+        answer = page.request.post(
+            f"{operator.server.url}{where}", form=form, headers={"Origin": operator.server.url}, max_redirects=0
+        )
+        assert answer.status == 303, answer.text()
+
+    operator.trip(1, 4)
+    operator.go("/alarms")
+    expect(page.locator("tr[data-row]")).to_have_count(1)
+    name = page.locator("tr[data-row]").get_attribute("data-alarm") or ""
+    another("/alarms/shelve", alarm=name, minutes="15", reason="Maintenance")
+    operator.go("/alarms?tab=hidden")
+    expect(detail).to_contain_text("Shelved")
+    another("/alarms/unshelve", alarm=name)
+    expect(page.locator("tr[data-row]")).to_have_count(0)
+    expect(detail).to_contain_text("Active, unacknowledged")
+    expect(detail).not_to_contain_text("Shelved")
+    built(page, "m1")
+    expect(detail).to_contain_text("Cleared, unacknowledged")
+    number = page.evaluate("document.querySelector('#alarm-detail').getAttribute('hx-get').split('/').pop()")
+    another("/alarms/acknowledge", occurrence=number)
+    expect(detail).to_contain_text("This alarm is over")
