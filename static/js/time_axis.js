@@ -72,11 +72,11 @@ export function changes(from, to, zone) {
   return out;
 }
 
-/** The range as one line: times alone within one day of today's kind, else with dates. */
-export function period(from, to, zone, lang) {
+/** The range as one line: times alone within one day of today's kind, else with dates; `whole`: dates and years in any case. */
+export function period(from, to, zone, lang, whole = false) {
   const seconds = to - from < 10 * MINUTE + 1 || from % MINUTE !== 0 && to - from < HOUR;
   const one = (at) => clockTime(at, zone, { seconds });
-  if (date(from, zone, lang) === date(to, zone, lang)) return `${one(from)} – ${one(to)}`;
-  const short = (at) => `${date(at, zone, lang, { year: false })} ${clockTime(at, zone, { seconds: false })}`;
+  if (date(from, zone, lang) === date(to, zone, lang)) return `${whole ? `${date(to, zone, lang)} ` : ""}${one(from)} – ${one(to)}`;
+  const short = (at) => `${date(at, zone, lang, { year: whole })} ${clockTime(at, zone, { seconds: false })}`;
   return `${short(from)} – ${short(to)}`;
 }

@@ -337,7 +337,7 @@ function pictures() {
         const table = all("#t-table tr").map((row) => [...row.cells].map(words));
         const other = chart.shift ? ` · ${texts.other.replace("{period}", chart.otherPeriod())}` : "";
         const about = {
-          title: document.title, period: `${format.date(chart.to, zone, lang)} ${time.period(chart.from, chart.to, zone, lang)} · ${zone}${other}`,
+          title: document.title, period: `${time.period(chart.from, chart.to, zone, lang, true)} · ${zone}${other}`,
           made: format.dateTime(now(), zone, lang, now()), simulated: one(".simstrip .vh")?.textContent.trim(),
         };
         const made = await picture[kind](chart, about, table);

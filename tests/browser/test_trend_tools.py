@@ -210,6 +210,24 @@ def test_what_one_sees_is_taken_along_as_picture_and_as_table(sit: Sit, tmp_path
     assert re.search(r"interval=\d+", page.locator("[data-export-sums]").get_attribute("href") or "")
 
 
+@pytest.mark.parametrize(
+    ("begin", "end", "told"),
+    [
+        ("2026-01-05T10:00:00Z", "2026-01-05T11:00:00Z", "05/01/2026 11:00 – 12:00"),
+        ("2025-12-31T22:55:00Z", "2025-12-31T23:55:00Z", "31/12/2025 23:55 – 01/01/2026 00:55"),
+    ],
+)
+def test_a_picture_says_once_of_which_days_it_is(sit: Sit, tmp_path: Path, begin: str, end: str, told: str) -> None:
+    page = sit(path=f"{HOME.split('&')[0]}&from={begin}&to={end}")
+    expect(page.locator('[data-trend][data-state="empty"]')).to_be_attached()
+    menu(page, "Export")
+    with page.expect_download() as coming:
+        page.locator("[data-picture=svg]").click()
+    coming.value.save_as(tmp_path / "svg")
+    words = [one.text or "" for one in ElementTree.parse(tmp_path / "svg").getroot().iter(f"{SVG}text")]
+    assert f"{told} · Europe/Zagreb" in words
+
+
 def test_a_menu_that_is_opened_before_every_script_runs_is_filled(sit: Sit) -> None:
     page = sit()
     held: list[Route] = []
