@@ -110,7 +110,7 @@ async def trends(request: Request) -> Response:
         trend=orjson.dumps(data).decode(),
         may_export=person is not None and person.may("export"),
         views=await views_of(request) if person is not None and person.may("views") else None,
-        here=request.url.query,
+        asked=request.url.query,
         table=empty(pens),
         zone_name=zone_of(request).key,
     )

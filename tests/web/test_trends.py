@@ -124,6 +124,14 @@ def test_the_address_is_the_view(client: TestClient) -> None:
     assert data(client, "/trends?tags=m1.speed&under=90.5s")["under"] == 90.5
 
 
+def test_a_language_is_chosen_and_a_new_version_loaded_without_losing_the_view(client: TestClient) -> None:
+    place = "/trends?tags=m1.speed&pen=m1.speed"
+    page = client.get(place).text
+    assert f'name="next" value="{html.escape(place)}"' in page
+    assert f'<a class="btn tap" href="{html.escape(place)}">' in page
+    assert f'id="view" value="{html.escape(urlsplit(place).query)}"' in page, "pens are added to it"
+
+
 def test_times_without_an_offset_are_those_of_the_plant(client: TestClient) -> None:
     got = data(client, "/trends?tags=m1.speed&from=2026-03-09T07:00&to=2026-03-09T08:00")
     assert got["from"] == BEGIN
