@@ -8,6 +8,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from starlette.exceptions import HTTPException
 
+from app.access.audit.line import printable
 from app.errors import Refused, StorageError
 from app.web import format as fmt
 from app.web.language import language_of
@@ -79,8 +80,8 @@ def answer(request: Request, status: int, key: str, reference: str = "", **param
 
 def _hint(request: Request, key: str) -> str:
     view: View = request.app.state.view
-    path, person = request.url.path, getattr(request.state, "person", None)
-    address = path if len(path) <= LONGEST_ADDRESS else path[:LONGEST_ADDRESS] + "…"
+    person = getattr(request.state, "person", None)
+    address = printable(request.url.path, LONGEST_ADDRESS + 1)
     return view.text(request, key, address=address, who=person.display if person else view.text(request, "nav.guest"))
 
 

@@ -10,6 +10,7 @@ from datetime import datetime
 from decimal import ROUND_HALF_UP, Context, Decimal
 from zoneinfo import ZoneInfo
 
+from app.access.audit.line import printable
 from app.clock import to_datetime
 from app.errors import EXCEPTION_NAMES
 from app.tags.quality import BAD, GOOD, Origin, QualityReason, level, origin, reason
@@ -233,9 +234,12 @@ def exception_key(code: int) -> str:
 
 
 def parameters(params: Mapping[str, object], lang: str, text: Text) -> dict[str, object]:
-    """`params` of a reason as a person reads them: values and units in the language, ages and seconds short; others as they are."""
+    """`params` of a reason as a person reads them: values and units in the language, ages and seconds short, and no sign of a text that
+    cannot be read or turns the writing round; others as they are."""
     written = dict(params)
     for name, value in params.items():
+        if isinstance(value, str):  # it may have been typed
+            written[name] = printable(value, 8 * len(value))
         if not isinstance(value, int | float) or isinstance(value, bool):
             continue
         if name in VALUES or name in ("seconds", "limit"):

@@ -33,6 +33,7 @@ from app.errors import ConfigurationError, Refused, StorageError
 from app.plant.definitions import Plant, Point, Scan
 from app.plant.system import FRAME, SYSTEM
 from app.web.errors import answer
+from app.web.language import local_path, place_of
 from app.web.security import is_own_origin
 
 if TYPE_CHECKING:
@@ -348,6 +349,8 @@ async def fields(
 ) -> dict[str, str]:
     """The fields of a form by name, each once; what is not named is refused, not ignored (no rights by an extra field).
 
+    `next` is where the form leads to afterwards: empty, or a path of this server.
+
     Raises:
         Refused: 422, a field is missing, there twice, a file, unknown, or not text.
     """
@@ -362,6 +365,8 @@ async def fields(
         found[name] = value
     if missing := sorted(wanted - set(found)):
         raise Refused("access.form_field", 422, field=missing[0])
+    if next := found.get("next"):
+        found["next"] = local_path(next)
     return {name: found.get(name, "") for name in (*required, *optional, "next")}
 
 
@@ -522,8 +527,7 @@ def wants_page(request: Request) -> bool:
 async def _to_sign_in(request: Request, error: Exception) -> Response:
     assert isinstance(error, SignInFirst)
     if wants_page(request):
-        path = request.url.path + (f"?{request.url.query}" if request.url.query else "")
-        return RedirectResponse(f"/signin?next={quote(path, safe='/')}", 303)
+        return RedirectResponse(f"/signin?next={quote(place_of(request), safe='/')}", 303)
     over = request.state.over
     return answer(request, 401, f"access.over.{over}" if over else error.reason)
 

@@ -3,9 +3,9 @@
 import re
 from collections.abc import Sequence
 from functools import lru_cache
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
-from starlette.requests import HTTPConnection
+from starlette.requests import HTTPConnection, Request
 
 COOKIE = "pogon_lang"
 PAGE = "x-page-language"
@@ -50,6 +50,12 @@ def choose(cookie: str, accept: str, languages: Sequence[str]) -> str:
 def _chosen(cookie: str, accept: str, languages: tuple[str, ...]) -> str:
     """`choose`, once for many: an answer of many texts asks for each of them."""
     return choose(cookie, accept, languages)
+
+
+def place_of(request: Request) -> str:
+    """Where a request went, with its query, so that it can be gone to again: signs that mean something in an address are quoted."""
+    path, query = quote(request.scope["path"], safe="/:@!$&'()*+,;=~"), request.scope["query_string"].decode("latin-1")
+    return path + (f"?{query}" if query else "")
 
 
 def local_path(path: str) -> str:

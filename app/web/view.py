@@ -37,7 +37,7 @@ from app.web.alarm_view import Drawing, marks_json
 from app.web.assets import Assets
 from app.web.compiled import FOLDER, OPTIONS, KeptCode
 from app.web.drawing import Scale
-from app.web.language import HTML, NAMES, YEAR, language_of
+from app.web.language import HTML, NAMES, YEAR, language_of, place_of
 from app.web.plain_screen import PlainScreen
 from app.web.points import EquipmentView, live_texts
 from app.web.screens import template_names
@@ -338,7 +338,7 @@ class View:
             "kiosk": panel_mode(request),
             "languages": [(code, NAMES.get(code, code), HTML.get(code, code)) for code in texts.languages],
             "html_lang": HTML.get(lang, lang),
-            "here": path + (f"?{request.url.query}" if request.url.query else "") if request.method == "GET" else "/",
+            "here": place_of(request) if request.method == "GET" else "/",
             "alarms": alarms,
             "summary": drawing.summary(area) if given.get("kind") == "overview" else None,
             "plant_label": texts.label(lang, plant.name) if plant else "Pogon",

@@ -149,3 +149,25 @@ def test_an_operator_sees_none_of_it(people: Staff, client: TestClient) -> None:
         assert client.get(f"{PATH}/{path}", follow_redirects=False).status_code in (303, 403), path
     for path in ("compare/file", "compare/drive", "compare/take"):
         assert people.post(f"{PATH}/{path}", {}).status_code == 403, path
+
+
+def test_no_form_about_the_parameters_of_a_drive_leads_elsewhere(client: TestClient, people: Staff) -> None:
+    """Who has no scripts is sent on by an address."""
+    read(people, "p1120")
+    send(people, "parameter,value\np1120,7\n")
+    faults = "/equipment/d1/fault-buffer"
+    for form, page in (
+        (f"{PATH}/compare/take", PATH),
+        (f"{PATH}/read", PATH),
+        (f"{PATH}/list", PATH),
+        (f"{faults}/read", faults),
+    ):
+        for next, leads in (
+            ("https://evil.test/", "/"),
+            ("//evil.test", "/"),
+            (f"{PATH}?q=p1", f"{PATH}?q=p1"),
+            ("", page),
+        ):
+            answer = people.post(form, {"next": next})
+            assert (answer.status_code, answer.headers["location"]) == (303, leads), form
+        pass_time(30)

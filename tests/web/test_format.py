@@ -128,6 +128,11 @@ def test_parameters_of_a_reason_are_written_for_people() -> None:
     }
 
 
+def test_what_was_typed_is_repeated_without_signs_that_are_none() -> None:
+    typed = {"text": "a\x00b\u202ec\nd", "at": "š – ’ 5\u00a0%", "missing": ["x"]}
+    assert fmt.parameters(typed, "en", text("en")) == typed | {"text": r"a\x00b\u202ec\x0ad"}
+
+
 def test_a_percentage_has_a_space_in_every_language() -> None:
     assert {fmt.percent(26, 0, lang) for lang in LANGUAGES} == {"26\u00a0%"}
 

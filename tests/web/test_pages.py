@@ -62,6 +62,16 @@ def test_a_change_of_language_comes_back_to_the_same_place(client: TestClient) -
     assert "HttpOnly" in answer.headers["set-cookie"] and "SameSite=lax" in answer.headers["set-cookie"]
 
 
+def test_a_place_with_odd_signs_comes_back_as_it_was_asked_for(client: TestClient) -> None:
+    for place in ("/equipment/m1%00", "/equipment/m1%3Fx=1%23y", "/equipment/%C5%A1%25"):
+        page = client.get(place).text
+        assert f'name="next" value="{place}"' in page and "\x00" not in page
+        assert page.count(f'href="{place}"') == 1, "to load the page anew"
+    assert "\u202e" not in client.get("/equipment/m1%E2%80%AEx").text
+    asked = client.get("/equipment/m1%3Fx/encoder")
+    assert (asked.status_code, asked.headers["location"]) == (303, "/signin?next=/equipment/m1%253Fx/encoder")
+
+
 def test_a_change_of_language_never_leads_elsewhere(client: TestClient) -> None:
     assert send(client, "/language", {"to": "en", "next": "//evil.test/x"}).headers["location"] == "/"
 

@@ -286,3 +286,16 @@ async def _free(staff: Staff, equipment: str) -> None:
     holder = gate.control.holder(equipment)
     if holder is not None:
         gate.control.session_ended(holder.session)
+
+
+def test_reading_again_leads_nowhere_else(ivo: Operator) -> None:
+    """Who has no scripts is sent on by an address."""
+    page = "/equipment/m2/parameters"
+    for next, leads in (
+        ("https://evil.test/", "/"),
+        ("//evil.test", "/"),
+        ("/equipment/m2?a=1", "/equipment/m2?a=1"),
+        ("", page),
+    ):
+        answer = ivo.post(f"{page}/read", fragment=False, next=next)
+        assert (answer.status_code, answer.headers["location"]) == (303, leads)
