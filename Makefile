@@ -1,5 +1,5 @@
 # The two commands of a newcomer are `make run` and `make test`; everything else is for those who stay.
-.PHONY: help run setup dev test check fix bench soak storm pictures lock bundle sbom migration translations registers .browser
+.PHONY: help run setup dev test check fix bench soak storm fuzz pictures lock bundle sbom migration translations registers .browser
 .DEFAULT_GOAL := help
 SHELL  := /bin/bash
 PYTHON ?= python3
@@ -54,6 +54,9 @@ soak: setup $(VENV)/.test .browser ## the tests that run for minutes, then HOURS
 
 storm: setup $(VENV)/.test ## the whole house under people and faults in virtual time: SEEDS=1000, or SEED=7 MINUTES=60, PLANT=m1,c1
 	$(BIN)/python -m tools.storm --seeds "$(or $(SEEDS),100)" --seed "$(SEED)" --minutes "$(or $(MINUTES),1)" --jobs "$(JOBS)" --plant "$(PLANT)" $(ARGS)
+
+fuzz: setup $(VENV)/.test ## hostile values into every form, route and socket, at every plant: SEEDS=5, or SEED=7 PLANT=demo,own REQUESTS=500
+	$(BIN)/python -m tools.fuzz --seeds "$(or $(SEEDS),5)" --seed "$(SEED)" --requests "$(or $(REQUESTS),500)" --jobs "$(JOBS)" --plant "$(PLANT)" $(ARGS)
 
 pictures: setup $(VENV)/.test .browser ## photograph every screen into build/pictures
 	@[ -f tools/pictures.py ] || { echo "tools/pictures.py is not there yet: no pictures to take"; exit 1; }

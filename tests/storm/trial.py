@@ -4,11 +4,13 @@ import tempfile
 import time
 import traceback
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from tests.shortest import shortest
 from tests.storm.invariants import Checker
-from tests.storm.script import Script
+from tests.storm.script import Action, Script
 from tests.storm.web import WebWorld
 from tests.storm.world import Fell, World, play
 
@@ -56,19 +58,8 @@ def run(script: Script) -> Verdict:
 
 def shortened(script: Script, name: str, tries: int = TRIES) -> Script:
     """The shortest script found that fails as `script` does: delta debugging over its actions."""
-    actions, parts = list(script.actions), 2
-    while tries > 0 and len(actions) > 1:
-        size = max(1, len(actions) // parts)
-        for begin in range(0, len(actions), size):
-            fewer = actions[:begin] + actions[begin + size :]
-            tries -= 1
-            if tries < 0:
-                break
-            if run(replace(script, actions=tuple(fewer))).name == name:
-                actions, parts = fewer, max(2, parts - 1)
-                break
-        else:
-            if size == 1:
-                break
-            parts = min(len(actions), parts * 2)
-    return replace(script, actions=tuple(actions))
+
+    def fails(actions: Sequence[Action]) -> bool:
+        return run(replace(script, actions=tuple(actions))).name == name
+
+    return replace(script, actions=tuple(shortest(script.actions, fails, tries)))
