@@ -175,8 +175,11 @@ class Line {
   }
 }
 
-const lines = [...document.querySelectorAll("[data-conveyor]")].map((svg) => new Line(svg));
-document.addEventListener("htmx:after:swap", () => { for (const line of lines) line.mark(); });
+let lines = [];
+/** What is on the page now: a picture that was made without the device is drawn anew when it answers. */
+const find = () => { lines = [...document.querySelectorAll("[data-conveyor]")].map((svg) => lines.find((line) => line.svg === svg) ?? new Line(svg)); };
+find();
+document.addEventListener("htmx:after:swap", () => { find(); for (const line of lines) line.mark(); });
 document.addEventListener("click", ({ target }) => {
   const row = target.closest?.(".prods [data-product]");
   if (row) for (const line of lines) line.choose(+row.dataset.product === line.chosen && !target.closest("[data-row]") ? 0 : +row.dataset.product);
