@@ -301,3 +301,28 @@ def test_a_sheet_of_paper_has_the_table_whole_and_says_of_which_plant_and_when(a
             abnormal.locator("main :is(.p-nav, [type=search], .dp-show, .p-edit, .dp-change) >> visible=true")
         ).to_have_count(0)
     abnormal.emulate_media(media="screen")
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_a_sheet_of_paper_has_all_that_was_read_of_a_drive(abnormal: Page, lang: str) -> None:
+    """With when each value was read, and the longest names of it."""
+    page = abnormal
+    speak(page, lang, origin(page))
+    found: list[str] = []
+    for machine in ("m1", "a1"):
+        page.emulate_media(media="screen")
+        page.set_viewport_size({"width": 1280, "height": 800})
+        open_page(page, f"{origin(page)}/equipment/{machine}/drive-parameters")
+        if not page.locator(".dp-time", has_text=":").count():
+            page.locator(".dp-read button:not([name=cancel])").last.click()
+            expect(page.locator(".dp-time", has_text=":").first).to_be_attached(timeout=60_000)
+            expect(page.locator(".dp-read [name=cancel]")).to_have_count(0, timeout=120_000)
+        page.emulate_media(media="print")
+        page.set_viewport_size({"width": 718, "height": 1000})
+        open_page(page, f"{origin(page)}/equipment/{machine}/drive-parameters")
+        expect(page.locator(".dp-time", has_text=":").first).to_be_visible()
+        wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        found += [f"{machine}: {wide} px too wide" for _ in range(wide > 0)]
+        found += [f"{machine}: {one}" for one in page.evaluate(FAULTS) if "broken word" in one or "beyond" in one]
+    page.emulate_media(media="screen")
+    assert found == [], "\n".join(["", *found])
