@@ -450,7 +450,6 @@ def live_texts(text: Text) -> dict[str, object]:
         "name": text("value.name"),
         "unknown": text("value.unknown"),
         "no_connection": text("live.no_connection"),
-        "no_communication": text("live.no_communication"),
         "misplaced": text("communication.state.configuration"),
         "tried": text("live.stop_is_tried"),
     }

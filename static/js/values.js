@@ -1,6 +1,6 @@
 // What a value looks like: number, unit, quality, pointers and curves. static/js/live.js says when.
 //   data-tag          name of the tag; alone on a text: number, unit and quality as app/web/points.py draws them
-//   data-as           number | enum | time | hex | duration | text; data-decimals, data-texts (value → text), data-pattern, data-bad
+//   data-as           number | enum | time | hex | duration | text; data-decimals, data-texts (value → text), data-pattern, data-bad; data-silent: that nobody answers
 //   data-map          "value:place …": with data-move (x | y), data-turn (centre), data-fill (x | y) on an SVG group
 //   data-show         "1,2" | ">0" | "<0" | "bad" | "uncertain" (a stale one is): shown while it holds; data-class "name:condition;…"
 //   data-signal       the value as the page was made; when it changes, the element dispatches `signal`
@@ -77,7 +77,7 @@ const staleAge = (tag) => (performance.now() - tag.since) / 1000;
 
 function drawText(item, tag) {
   const { element } = item, data = element.dataset, foreign = reason(tag.quality) === REASON.CONFIGURATION;
-  const bad = foreign && data.bad === texts.no_communication ? texts.misplaced : data.bad; // "no communication": nobody answers
+  const bad = foreign && data.silent !== undefined ? texts.misplaced : data.bad;
   const text = tag.state === "bad" ? bad ?? format.NO_VALUE : tag.state === "none" ? bad ?? format.NO_DATA_YET : write(tag.value, data.as, item);
   if (item.settles && tag.state === item.state && item.drawn !== undefined && text !== item.text
     && Math.abs(tag.value - item.drawn) < format.deadBand(item.decimals) && performance.now() - item.at < SETTLE) {

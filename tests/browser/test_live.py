@@ -50,7 +50,8 @@ CONTENT = """
 {% set status, setpoint = equipment.status, equipment.frequency_setpoint %}
 <p>{{ value(equipment.speed, "hero bare", unit=false) }} {{ value(equipment.speed, "boxed") }}</p>
 <p>{{ value(equipment.current) }} {{ value(setpoint, "key sp") }}</p>
-<p>{{ plain(status, bad=_("live.no_communication")) }} {{ plain(status, hexadecimal=true) }}</p>
+<p>{{ plain(status, silent=true) }} {{ plain(status, hexadecimal=true) }}</p>
+<p class="own-words">{{ plain(status, bad=_("live.no_communication")) }}</p>
 <p>{{ plain(equipment.state_since, pattern=_("live.since")) }} {{ motor(equipment) }}</p>
 <p>{{ gauge(equipment.speed, [(setpoint, 30, status, "0,1"), (setpoint, -30, status, "2")]) }}</p>
 <p><b data-tag="{{ status.name }}" data-class="d-unknown:bad;d-old:uncertain"
@@ -371,6 +372,18 @@ def test_what_the_script_draws_is_what_the_server_draws(
         assert len(drawn) > 40
         for mine, theirs in zip(drawn, server, strict=True):
             assert mine == theirs, state
+
+
+def test_only_what_stands_for_silence_says_that_another_device_answers(
+    page: Page, hall: Hall, opened: Callable[..., Wire]
+) -> None:
+    """Whatever else is said in the same words stays."""
+    wire = opened("en")
+    hall.publish_all(q.CONFIGURATION, lambda key: 1)
+    wire.send(hall.frame(1))
+    live(page)
+    expect(page.locator("main [data-silent]").first).to_have_text("Wrong configuration")
+    expect(page.locator("main .own-words > span")).to_have_text("No communication")
 
 
 def test_an_unlisted_value_and_one_out_of_scale_are_drawn_alike_too(
