@@ -119,7 +119,7 @@ async def trends(request: Request) -> Response:
 @router.get("/trends/points", dependencies=[allow("view")])
 async def points(request: Request) -> Response:
     """Points that can be drawn, by machine, those that fit the search `q`; a fragment for the picker."""
-    plant, view = plant_of(request), view_of(request)
+    plant, view, person = plant_of(request), view_of(request), request.state.person
     wanted = folded(request.query_params.get("q", "").strip()[:80]).split()
     asked = on_screen(request.query_params)
     chosen = names_of(asked)
@@ -146,6 +146,7 @@ async def points(request: Request) -> Response:
         more=max(0, -left),
         full=len(chosen) >= MOST_PENS,
         most=MOST_PENS,
+        engineer=person is not None and person.may("configure"),
     )
 
 

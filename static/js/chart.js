@@ -249,7 +249,7 @@ export class Chart {
       },
       axes: [
         {
-          scale: "x", font, stroke, size: 66 + this.below, gap: this.mini ? 2 : 4, ticks: none, grid, space: 20,
+          scale: "x", font, stroke, size: 66 + this.below, gap: this.mini ? 8 : 4, ticks: none, grid, space: 20,
           splits: (plot) => time.ticks(this.from, this.to, Math.max(2, Math.floor(plot.bbox.width / uPlot.pxRatio / (this.mini ? 120 : 84))), this.zone).map((at) => at / 1e6),
           values: (plot, splits) => time.labels(splits.map((at) => at * 1e6), this.zone, this.lang),
         },

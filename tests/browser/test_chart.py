@@ -67,6 +67,23 @@ APART = """async () => { const { apart } = await import("/static/js/names.js");
   const crane = ["Hoist, drive 1", "Hoist, drive 2", "Trolley, drive"].map((name) => `Crane 1 · ${name}: motor speed`);
   return apart(["Ventilator 1 · Motor speed", "Ventilator 2 · Motor speed", "Axis 1 · Speed", ...crane], fit); }"""
 
+WRITTEN = """async () => { // with a time that is written at the very beginning of the axis
+  const { chart } = document.querySelector("[data-panel]"), minutes = 600e6;
+  const brush = CanvasRenderingContext2D.prototype, { fillText } = brush;
+  let written = [];
+  brush.fillText = function (text, x, y) {
+    const ink = this.measureText(text), at = this.getTransform().transformPoint({ x, y });
+    written.push([text, at.x - ink.actualBoundingBoxLeft, at.y - ink.actualBoundingBoxAscent,
+      at.x + ink.actualBoundingBoxRight, at.y + ink.actualBoundingBoxDescent]);
+    return fillText.call(this, text, x, y);
+  };
+  chart.from = Math.floor(chart.from / minutes) * minutes;
+  chart.to = chart.from + minutes;
+  chart.draw();
+  await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+  brush.fillText = fillText;
+  return written; }"""
+
 
 def seen(page: Page, server: PogonServer, machine: str) -> None:
     page.goto(f"{server.url}/equipment/{machine}")
@@ -131,3 +148,18 @@ def test_names_that_read_alike_lose_what_they_have_in_common(page: Page, demo: P
         "Hoist, drive 2…",
         "Trolley, drive…",
     ]
+
+
+def test_the_first_time_stands_below_the_scale_and_not_in_it(page: Page, demo: PogonServer) -> None:
+    seen(page, demo, "m1")
+    written = page.evaluate(WRITTEN)
+    times = [one for one in written if ":" in one[0]]
+    numbers = [one for one in written if one[0].lstrip("−").replace("\u202f", "").isdigit()]
+    assert times and numbers
+    for text, left, top, right, bottom in times:
+        near = [
+            one
+            for one in numbers
+            if one[1] < right + 2 and left < one[3] + 2 and one[2] < bottom + 2 and top < one[4] + 2
+        ]
+        assert near == [], (text, left, top, right, bottom)

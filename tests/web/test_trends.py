@@ -101,6 +101,21 @@ def test_who_is_signed_in_finds_the_export(staff: Staff) -> None:
     assert sums == f"{raw}&interval=1" and shifts == f"{raw}&interval=shift"
 
 
+@pytest.mark.parametrize(("roles", "raw"), [(("operator",), False), (("engineer",), True)])
+def test_a_pen_is_named_by_its_machine_and_its_point_and_for_engineers_as_in_the_files(
+    staff: Staff, roles: tuple[str, ...], raw: bool
+) -> None:
+    staff.enter(f"who-{roles[0]}", *roles)
+    staff.client.cookies.set("pogon_lang", "en")
+    pens = staff.client.get("/trends?tags=m1.speed").text
+    listed = re.search(r'<li class="pen" .*?</li>', pens, re.DOTALL)
+    assert listed and re.search(r"Fan 1 ·\s+Speed<", listed[0]), pens
+    found = staff.client.get("/trends/points?q=fan+1+speed").text
+    assert "Fan 1" in found and "<span>Speed<" in found
+    for text, name in ((listed[0], "m1.<wbr>speed"), (found, "m1.speed")):
+        assert (re.search(rf'class="mono">\s*{re.escape(name)}<', text) is not None) is raw
+
+
 def test_the_page_without_tags_says_how_to_begin(client: TestClient) -> None:
     text = client.get("/trends?tags=").text
     assert "There is no pen yet" in text
