@@ -126,3 +126,12 @@ def test_who_holds_a_machine_is_told_in_whole_words(abnormal: Page) -> None:
     for width, height, profile in SCREENS:
         lay_out(abnormal, width, height, profile)
         assert abnormal.evaluate(PARTED) == 1, width
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_a_wide_screen_shows_the_coil_car_large_and_all_that_holds_it(abnormal: Page, lang: str) -> None:
+    speak(abnormal, lang, origin(abnormal))
+    abnormal.goto(f"{origin(abnormal)}/equipment/cc1")
+    lay_out(abnormal, 1920, 1080, "desk")
+    assert abnormal.locator(".cc-view .cc-mimic").evaluate("(one) => one.getBoundingClientRect().height") > 300
+    assert abnormal.locator(".cc-low .permb").evaluate(BELOW) <= 0
