@@ -118,20 +118,19 @@ class Line {
     return index < 0 ? this.ends.length : index + 1;
   }
 
-  /** Identities stand in the products; those too long for theirs stand above, side by side on two levels. */
+  /** Identities stand in the products; those too long for theirs stand above on two levels, where there is room on one of them. */
   label(shown) {
     shown.sort((a, b) => a.left - b.left);
-    let edge = -Infinity, level = 0;
+    const edges = [-Infinity, -Infinity];
     for (const product of shown) {
       product.inked ||= product.text.getComputedTextLength();
-      const out = product.inked + 6 > product.right - product.left;
+      const out = product.inked + 6 > product.right - product.left, half = product.inked / 2;
+      const level = out ? edges.findIndex((edge) => product.middle - half >= edge + 3) : 0;
+      if (out && level >= 0) edges[level] = product.middle + half;
       product.group.classList.toggle("out", out);
-      if (out) {
-        level = product.middle - product.inked / 2 < edge + 3 && level === 0 ? 1 : 0;
-        edge = product.middle + product.inked / 2;
-      }
+      product.group.classList.toggle("unnamed", level < 0);
       product.alarm.style.transform = `translate(${round(product.middle)}px,${out ? 38 : 0}px)`;
-      product.text.style.transform = `translate(${round(product.middle)}px,${out ? -30 - 13 * level : 0}px)`;
+      product.text.style.transform = `translate(${round(product.middle)}px,${out ? -28 - 16 * level : 0}px)`;
     }
   }
 
