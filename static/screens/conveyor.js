@@ -105,8 +105,7 @@ class Line {
   name(product) {
     const { group, cells, id } = product;
     const order = valued(cells.readid) === id && valued(cells.readstate) === 1 ? valued(cells.readorder) : 0;
-    const texts = this.svg.dataset;
-    const name = texts.product.replace("{id}", id) + (order ? `, ${texts.order.replace("{order}", order)}` : "");
+    const name = this.svg.dataset.product.replace("{id}", id) + (order ? `, ${this.svg.dataset.order.replace("{order}", order)}` : "");
     if (product.named === name) return;
     product.named = name;
     group.querySelector("title").textContent = name;
@@ -174,8 +173,7 @@ class Line {
   }
 }
 
-let lines = [];
-/** What is on the page now: a picture that was made without the device is drawn anew when it answers. */
+let lines = []; // what is on the page now: a picture that was made without the device is drawn anew when it answers
 const find = () => { lines = [...document.querySelectorAll("[data-conveyor]")].map((svg) => lines.find((line) => line.svg === svg) ?? new Line(svg)); };
 find();
 document.addEventListener("htmx:after:swap", () => { find(); for (const line of lines) line.mark(); });
