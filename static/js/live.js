@@ -151,7 +151,7 @@ function open() {
     const message = JSON.parse(data);
     if (message.error) gone((refused = message.error) === "unknown_kind");
     else receive(message);
-    if (refused === "not_allowed" && rev !== null) renew(true, named?.over); // it was allowed when the page came
+    if (refused === "not_allowed" && rev !== null) renew(true, named?.ended); // it was allowed when the page came
   };
   here.onclose = here.onerror = () => {
     if (socket !== here) return;
@@ -204,7 +204,7 @@ function welcome(hello) {
     if (tag) byHandle.set(handle, tag);
   }
   const other = named && hello.who !== undefined && hello.who !== named.who; // the session ended, or somebody else signed in
-  if (other || rev !== +page.rev || (page.build && hello.build !== page.build)) renew(other || rev !== +page.rev, other && named.over);
+  if (other || rev !== +page.rev || (page.build && hello.build !== page.build)) renew(other || rev !== +page.rev, other && named.ended);
 }
 
 /** The page is older than the server, or somebody else's: reload it when nobody types or holds anything, else only say so, or `why`. */

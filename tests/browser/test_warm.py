@@ -37,5 +37,5 @@ def test_one_that_cannot_start_says_why(tmp_path: Path) -> None:
     fork = stem()
     assert fork is not None
     process = fork.start((), {"POGON_PORT": "none"}, tmp_path / "log")
-    assert process.wait(60) == 2
+    assert process.wait(60) == 78
     assert "POGON_PORT" in (tmp_path / "log").read_text("utf-8")
