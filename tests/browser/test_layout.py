@@ -108,6 +108,23 @@ def test_the_name_of_any_step_that_runs_is_whole(abnormal: Page, lang: str) -> N
     assert found == [], "\n".join(["", *found])
 
 
+LONG_FACTS = """() => { for (const dd of document.querySelectorAll('#event-detail .p-facts dd'))
+  dd.textContent = 'Uvjeti za prekid: ulazi 16/16 · 2026-11-28 00:00:00,000'; }"""
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_facts_of_an_event_however_long_push_nothing_aside(abnormal: Page, lang: str) -> None:
+    """Names of facts keep their words whole beside them."""
+    speak(abnormal, lang, origin(abnormal))
+    lay_out(abnormal, *BETWEEN["a panel of ten inches"], "desk")
+    open_page(abnormal, origin(abnormal) + "/equipment/seq1/events")
+    expect(abnormal.locator("#event-detail .p-facts")).not_to_have_count(0)
+    abnormal.evaluate(LONG_FACTS)
+    for size in (BETWEEN["a panel of ten inches"], (1280, 800), (800, 480), (390, 844)):
+        lay_out(abnormal, *size, "desk")
+        assert [one for one in abnormal.evaluate(SIDEWAYS) if "p-det" in one] == [], size
+
+
 @pytest.mark.parametrize("lang", ["hr", "de"])
 def test_a_panel_of_ten_inches_shows_all_of_a_page_without_pushing_it_aside(abnormal: Page, lang: str) -> None:
     speak(abnormal, lang, origin(abnormal))
