@@ -31,18 +31,19 @@ class LaterLooks:
     def tick(self, now: float) -> None:
         """Read what is due at `now` [s, monotonic]."""
         due: dict[str, list[str]] = {}
-        for (machine, point), times in list(self._due.items()):
+        for (id, point), times in list(self._due.items()):
             if now < times[0]:
                 continue
-            due.setdefault(machine, []).append(point)
-            self._due[machine, point] = [time for time in times if time > now]
-            if not self._due[machine, point]:
-                del self._due[machine, point]
+            due.setdefault(id, []).append(point)
+            if later := [time for time in times if time > now]:
+                self._due[id, point] = later
+            else:
+                del self._due[id, point]
         for id, points in due.items():
-            machine_ = self._state.machines.get(id)
-            known = [key for key in points if machine_ is not None and key in machine_.item.points]
-            if machine_ is not None and known:
-                self._state.spawn(self._read(machine_, known), f"look later {id}")
+            machine = self._state.machines.get(id)
+            known = [key for key in points if key in machine.item.points] if machine else []
+            if machine and known:
+                self._state.spawn(self._read(machine, known), f"look later {id}")
 
     def _ended(self, progress: Progress) -> None:
         machine = self._state.machines.get(progress.equipment)

@@ -278,10 +278,10 @@ def _put(found: list[Piece], path: KeyPath, value: Any) -> list[Piece]:
             return _add_block(found, path, _block(path, value))
         if path[-1].isdecimal():
             return _add_block(found, path, _block(path, value))
-    return _addkey_literal(found, path, value)
+    return _add_key(found, path, value)
 
 
-def _addkey_literal(found: list[Piece], path: KeyPath, value: Any) -> list[Piece]:
+def _add_key(found: list[Piece], path: KeyPath, value: Any) -> list[Piece]:
     """A key that its table does not have yet, behind the last one that it has."""
     table = path[:-1]
     begin = next((n for n, piece in enumerate(found) if piece.header and piece.path == table), None)
