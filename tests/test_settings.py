@@ -11,49 +11,39 @@ from app.errors import ConfigurationError
 from app.settings import check_places, read_settings, unknown_settings
 from tests.test_cli import pogon
 
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"serve_modbus": "nonsense"}, "POGON_SERVE_MODBUS=nonsense: expected HOST:PORT"),
-        ({"serve_modbus": "127.0.0.1:66000"}, "POGON_SERVE_MODBUS=127.0.0.1:66000: expected HOST:PORT"),
-        ({"behind_proxy": "nginx"}, "expected IP addresses or networks, such as 172.30.80.1, not nginx"),
-        ({"host": "0.0.0.0"}, "listens beyond this machine"),
-        ({"serve_modbus": "0.0.0.0:5020"}, "listens beyond this machine: expected 127.0.0.1"),
-        ({"serve_modbus": "[::]:5020"}, "POGON_MODBUS_BEYOND=true allows that"),
-        ({"serve_modbus": "hall.example:5020"}, "listens beyond this machine"),
-        ({"syslog": "dev/log"}, "POGON_SYSLOG=dev/log: expected a path such as /dev/log"),
-        ({"log": "xml"}, "POGON_LOG=xml: Input should be 'text' or 'json'"),
-        ({"port": "http"}, "POGON_PORT=http: Input should be a valid integer"),
-    ],
+WRONG = (
+    ({"serve_modbus": "nonsense"}, "POGON_SERVE_MODBUS=nonsense: expected HOST:PORT"),
+    ({"serve_modbus": "127.0.0.1:66000"}, "POGON_SERVE_MODBUS=127.0.0.1:66000: expected HOST:PORT"),
+    ({"behind_proxy": "nginx"}, "expected IP addresses or networks, such as 172.30.80.1, not nginx"),
+    ({"host": "0.0.0.0"}, "listens beyond this machine"),
+    ({"serve_modbus": "0.0.0.0:5020"}, "listens beyond this machine: expected 127.0.0.1"),
+    ({"serve_modbus": "[::]:5020"}, "POGON_MODBUS_BEYOND=true allows that"),
+    ({"serve_modbus": "hall.example:5020"}, "listens beyond this machine"),
+    ({"syslog": "dev/log"}, "POGON_SYSLOG=dev/log: expected a path such as /dev/log"),
+    ({"log": "xml"}, "POGON_LOG=xml: Input should be 'text' or 'json'"),
+    ({"port": "http"}, "POGON_PORT=http: Input should be a valid integer"),
 )
-def test_a_setting_that_cannot_be_is_one_line_and_stays_wrong(
-    tmp_path: Path, settings: dict[str, str], said: str
+"""Settings, and what is said of them: whoever tries again is told the same."""
+ABSENT = (
+    ({"tls_cert": "/none.pem", "tls_key": "/none.key"}, "POGON_TLS_CERT=/none.pem"),
+    ({"host": "203.0.113.9", "behind_proxy": "127.0.0.1"}, "POGON_HOST=203.0.113.9"),
+    (
+        {"plant": "/none/such"},
+        "POGON_PLANT=/none/such: expected a folder with plant.toml (No such file or directory)",
+    ),
+    ({"plant": "/dev/null"}, "POGON_PLANT=/dev/null: expected a folder with plant.toml (it is something else)"),
+    ({"audit_anchors": "/dev"}, "POGON_AUDIT_ANCHORS=/dev: expected a file that may be written"),
+    ({"syslog": "/dev/null"}, "POGON_SYSLOG=/dev/null: expected the socket of a running syslog"),
+)
+"""The same of what is not there, and may come."""
+
+
+@pytest.mark.parametrize(("code", "settings", "said"), [*((78, *one) for one in WRONG), *((2, *one) for one in ABSENT)])
+def test_what_keeps_it_from_starting_is_one_line_and_its_code_says_whether_it_may_pass(
+    tmp_path: Path, code: int, settings: dict[str, str], said: str
 ) -> None:
     refused = pogon(tmp_path / "data", "run", **settings)
-    assert refused.returncode == 78
-    assert said in refused.stderr and refused.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"tls_cert": "/none.pem", "tls_key": "/none.key"}, "POGON_TLS_CERT=/none.pem"),
-        ({"host": "203.0.113.9", "behind_proxy": "127.0.0.1"}, "POGON_HOST=203.0.113.9"),
-        (
-            {"plant": "/none/such"},
-            "POGON_PLANT=/none/such: expected a folder with plant.toml (No such file or directory)",
-        ),
-        ({"plant": "/dev/null"}, "POGON_PLANT=/dev/null: expected a folder with plant.toml (it is something else)"),
-        ({"audit_anchors": "/dev"}, "POGON_AUDIT_ANCHORS=/dev: expected a file that may be written"),
-        ({"syslog": "/dev/null"}, "POGON_SYSLOG=/dev/null: expected the socket of a running syslog"),
-    ],
-)
-def test_a_place_that_is_not_there_is_one_line_and_may_come(
-    tmp_path: Path, settings: dict[str, str], said: str
-) -> None:
-    refused = pogon(tmp_path / "data", "run", **settings)
-    assert refused.returncode == 2
+    assert refused.returncode == code
     assert said in refused.stderr and refused.stderr.count("\n") == 1
 
 

@@ -4,13 +4,13 @@ import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import quote, unquote, urlencode
+from urllib.parse import quote, urlencode
 
 from fastapi import FastAPI
 
+from tests.asgi import Unanswered, exchange, scope
 from tests.fuzz.values import CSRF, FRESH, NONCE
 
-HOST = "127.0.0.1:8000"
 FORM, JSON, FILES = "application/x-www-form-urlencoded", "application/json", "multipart/form-data; boundary=B"
 SETTLES = 60.0
 """A request that is not answered by then never will be [s, virtual]."""
@@ -66,10 +66,6 @@ class Answer:
         return self.body.decode()
 
 
-class Unanswered(Exception):
-    """The application raised, or answered nothing in time."""
-
-
 def address(path: str, query: Sequence[tuple[str, str]] = ()) -> str:
     """`path` (each of its parts quoted already) with `query`; what is no text in UTF-8 goes as its bytes."""
     return path + ("?" + urlencode(query, errors="surrogatepass") if query else "")
@@ -97,15 +93,8 @@ def needs(request: Request) -> set[str]:
     return {value for _, value in request.form} & {CSRF, NONCE, FRESH}
 
 
-def _scope(app: FastAPI, request: Request, headers: Sequence[tuple[str, str]], kind: str) -> dict[str, Any]:
-    where, _, query = request.address.partition("?")
-    named = [("host", HOST), ("origin", f"http://{HOST}"), ("accept", "text/html,*/*"), *headers]
-    return {
-        "type": kind, "asgi": {"version": "3.0", "spec_version": "2.4"}, "http_version": "1.1", "method": request.method,
-        "scheme": "http" if kind == "http" else "ws", "path": unquote(where), "raw_path": where.encode(), "root_path": "",
-        "query_string": query.encode(), "headers": [(name.encode(), value.encode("latin-1")) for name, value in named],
-        "client": ("127.0.0.1", 50000), "server": ("127.0.0.1", 8000), "subprotocols": [], "state": {},
-    }  # fmt: skip
+def _scope(kind: str, request: Request, headers: Sequence[tuple[str, str]]) -> dict[str, Any]:
+    return scope(kind, request.method, request.address, [("accept", "text/html,*/*"), *headers])
 
 
 async def ask(app: FastAPI, request: Request, headers: Sequence[tuple[str, str]], body: bytes) -> Answer:
@@ -114,32 +103,9 @@ async def ask(app: FastAPI, request: Request, headers: Sequence[tuple[str, str]]
     Raises:
         Unanswered: nothing came in `SETTLES`, or the application raised.
     """
-    sent: list[dict[str, Any]] = []
-    given = [{"type": "http.request", "body": body, "more_body": False}]
-
-    async def receive() -> dict[str, Any]:
-        if given:
-            return given.pop()
-        await asyncio.sleep(1e9)
-        return {"type": "http.disconnect"}
-
-    async def send(message: dict[str, Any]) -> None:
-        sent.append(message)
-
-    named = [*headers, ("content-length", str(len(body)))]
-    try:
-        async with asyncio.timeout(SETTLES):
-            await app(_scope(app, request, named, "http"), receive, send)
-    except TimeoutError as error:
-        raise Unanswered(f"nothing in {SETTLES:g} s") from error
-    except Exception as error:
-        raise Unanswered(f"{type(error).__name__}: {error}") from error
-    start = next((one for one in sent if one["type"] == "http.response.start"), None)
-    if start is None:
-        raise Unanswered("no answer at all")
-    pairs = [(name.decode("latin-1").lower(), value.decode("latin-1")) for name, value in start["headers"]]
-    cookies = tuple(value for name, value in pairs if name == "set-cookie")
-    return Answer(start["status"], dict(pairs), cookies, b"".join(one.get("body", b"") for one in sent))
+    asked = _scope("http", request, [*headers, ("content-length", str(len(body)))])
+    status, pairs, content = await exchange(app, asked, body, SETTLES)
+    return Answer(status, dict(pairs), tuple(value for name, value in pairs if name == "set-cookie"), content)
 
 
 async def talk(app: FastAPI, request: Request, headers: Sequence[tuple[str, str]]) -> list[str]:
@@ -158,7 +124,7 @@ async def talk(app: FastAPI, request: Request, headers: Sequence[tuple[str, str]
     up.put_nowait({"type": "websocket.connect"})
     for one in request.said:
         up.put_nowait({"type": "websocket.receive", "text" if isinstance(one, str) else "bytes": one})
-    task = asyncio.ensure_future(app(_scope(app, request, headers, "websocket"), up.get, send))
+    task = asyncio.ensure_future(app(_scope("websocket", request, headers), up.get, send))
     await asyncio.wait([task], timeout=TALKS)
     up.put_nowait({"type": "websocket.disconnect", "code": 1001})
     await asyncio.wait([task], timeout=SETTLES)

@@ -21,7 +21,8 @@ from app.access.roles import Person, permissions_of
 from app.access.signin import SignedIn
 from app.runtime import Runtime
 from app.settings import Settings
-from tests.fuzz.asking import FORM, Answer, Request, Unanswered, ask, body_of, needs, talk
+from tests.asgi import Unanswered
+from tests.fuzz.asking import FORM, Answer, Request, ask, body_of, needs, talk
 from tests.fuzz.pages import Page, broken_csv, broken_json
 from tests.fuzz.routes import Routes
 from tests.fuzz.values import CSRF, FRESH, NONCE

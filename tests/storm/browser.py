@@ -10,9 +10,9 @@ from urllib.parse import urlencode
 
 from fastapi import FastAPI
 
-HOST = b"127.0.0.1:8000"
-ORIGIN = b"http://127.0.0.1:8000"
-FORM = b"application/x-www-form-urlencoded"
+from tests.asgi import Unanswered, exchange, scope
+
+FORM = "application/x-www-form-urlencoded"
 SETTLES = 30.0
 """A request that is not answered by then never will be [s]."""
 
@@ -30,10 +30,6 @@ class Answer:
         return self.body.decode()
 
 
-class Unanswered(Exception):
-    """The application raised, or answered nothing in time."""
-
-
 class Browser:
     """Cookies are kept, forms carry the token of the page that was seen."""
 
@@ -42,7 +38,7 @@ class Browser:
         self.app = app
         self._bearer = bearer
         self.cookies: dict[str, str] = {}
-        self._agent, self._address = agent.encode(), address
+        self._agent, self._address = agent, address
 
     async def get(self, path: str) -> Answer:
         """Open a page."""
@@ -56,7 +52,7 @@ class Browser:
 
     async def order(self, path: str, **body: object) -> Answer:
         """Ask for something as a program does."""
-        return await self._ask("POST", path, json.dumps(body).encode(), b"application/json")
+        return await self._ask("POST", path, json.dumps(body).encode(), "application/json")
 
     async def sign_in(self, name: str, password: str, code: str = "") -> bool:
         """Fill the sheet, and with `code` that for the second factor; whether there is a session now."""
@@ -74,30 +70,15 @@ class Browser:
         token = re.search(r'name="csrf" value="([^"]*)"', sheet.text)
         return await self._ask("POST", path, urlencode({"csrf": token[1] if token else "", **form}).encode())
 
-    async def _ask(self, method: str, path: str, body: bytes, kind: bytes = FORM) -> Answer:
-        sent: list[dict[str, Any]] = []
-        given = [{"type": "http.request", "body": body, "more_body": False}]
-
-        async def receive() -> dict[str, Any]:
-            if given:
-                return given.pop()
-            await asyncio.sleep(1e9)
-            return {"type": "http.disconnect"}
-
-        async def send(message: dict[str, Any]) -> None:
-            sent.append(message)
-
+    async def _ask(self, method: str, path: str, body: bytes, kind: str = FORM) -> Answer:
         try:
-            async with asyncio.timeout(SETTLES):
-                await self.app(self._scope("http", path, method, kind), receive, send)
-        except TimeoutError as error:
-            raise Unanswered(f"{method} {path}: nothing in {SETTLES:g} s") from error
-        start = next(message for message in sent if message["type"] == "http.response.start")
-        headers = {name.decode().lower(): value.decode() for name, value in start["headers"]}
-        for name, value in start["headers"]:
-            if name.lower() == b"set-cookie":
-                self._keep(value.decode())
-        return Answer(start["status"], headers, b"".join(message.get("body", b"") for message in sent))
+            status, pairs, content = await exchange(self.app, self._scope("http", path, method, kind), body, SETTLES)
+        except Unanswered as error:
+            raise Unanswered(f"{method} {path}: {error}") from error
+        for name, value in pairs:
+            if name == "set-cookie":
+                self._keep(value)
+        return Answer(status, dict(pairs), content)
 
     def _keep(self, cookie: str) -> None:
         name, _, value = cookie.partition(";")[0].partition("=")
@@ -106,22 +87,15 @@ class Browser:
         else:
             self.cookies[name.removeprefix("__Host-")] = value
 
-    def _scope(self, kind: str, path: str, method: str = "GET", content: bytes = FORM) -> dict[str, Any]:
-        where, _, query = path.partition("?")
-        headers = [(b"host", HOST), (b"user-agent", self._agent), (b"origin", ORIGIN), (b"hx-request", b"true")]
+    def _scope(self, kind: str, path: str, method: str = "GET", content: str = FORM) -> dict[str, Any]:
+        headers = [("user-agent", self._agent), ("hx-request", "true")]
         if self._bearer:
-            headers.append((b"authorization", f"Bearer {self._bearer}".encode()))
+            headers.append(("authorization", f"Bearer {self._bearer}"))
         if self.cookies:
-            told = "; ".join(f"{name}={value}" for name, value in self.cookies.items())
-            headers.append((b"cookie", told.encode()))
+            headers.append(("cookie", "; ".join(f"{name}={value}" for name, value in self.cookies.items())))
         if method == "POST":
-            headers.append((b"content-type", content))
-        return {
-            "type": kind, "asgi": {"version": "3.0", "spec_version": "2.4"}, "http_version": "1.1", "method": method,
-            "scheme": "http" if kind == "http" else "ws", "path": where, "raw_path": where.encode(), "root_path": "",
-            "query_string": query.encode(), "headers": headers, "client": (self._address, 50000),
-            "server": ("127.0.0.1", 8000), "subprotocols": [], "state": {},
-        }  # fmt: skip
+            headers.append(("content-type", content))
+        return scope(kind, method, path, headers, self._address)
 
     def socket(self) -> "PageSocket":
         """The socket of a page; it opens with `async with`."""
