@@ -296,6 +296,8 @@ LONGEST = """() => {
     put(".c-counts dd", "12 345");
 }"""
 """Shows the longest that the facts can become, with nothing closing; what is live now is no longer in the page."""
+DOUBT = "(quality) => document.querySelectorAll('.c-stat .val').forEach((one) => { one.dataset.q = quality; })"
+"""How far all of them can be trusted."""
 OVERLAPS = """() => {
     const boxes = [...document.querySelectorAll(".c-stat > *")].filter(one => one.offsetWidth).map(one => {
         const shown = [...one.querySelectorAll("*")].filter(part => part.offsetWidth && !part.closest(".lab .push"));
@@ -311,13 +313,16 @@ OVERLAPS = """() => {
 
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_the_facts_never_run_into_each_other(sit: Sit, lang: str) -> None:
+    """However far one can trust them: a mark of quality takes the room that is there."""
     page = sit(lang=lang)
     expect(page.locator('.c-stat .val:is([data-q="bad"], [data-q="none"], [data-q="stale"])')).to_have_count(0)
     page.evaluate(LONGEST)
     for size in ((1280, 800), (1024, 768), (800, 480), (390, 844)):
         page.set_viewport_size({"width": size[0], "height": size[1]})
         page.wait_for_timeout(300)
-        assert page.evaluate(OVERLAPS) == 0, size
+        for quality in ("good", "uncertain", "stale"):
+            page.evaluate(DOUBT, quality)
+            assert page.evaluate(OVERLAPS) == 0, (size, quality)
         closing = page.locator(".c-stat .lab .push").first
         assert closing.evaluate("one => one.getBoundingClientRect().width") > 40, "there is room to read it"
 
