@@ -38,7 +38,7 @@ from app.plant.definitions import EquipmentType
 from app.plant.lesson_definition import MOMENTS, NO_FAULT, Choice, Deed, Lesson, LessonStep, Texts
 from app.plant.problems import Problem
 from app.plant.said import Plain, said
-from app.plant.tables import MISSING, NONE, Source, Table, perhaps
+from app.plant.tables import MISSING, NONE, Source, Table, meant_as_toml, perhaps
 
 FOLDER = "lessons"
 NAME = r"[a-z][a-z0-9_]{0,31}"
@@ -77,7 +77,7 @@ class LessonFiles:
     def _read_folder(
         self, folder: Path, shown: str, kinds: Mapping[str, EquipmentType], inside: Path, *, own: bool = False
     ) -> None:
-        paths = sorted(folder.glob("*.toml"))
+        paths = meant_as_toml(folder)
         for path in paths[:MOST_LESSONS]:
             source = Source(path, f"{shown}/{path.name}", inside=inside)
             self._sources.append(source)
@@ -86,7 +86,7 @@ class LessonFiles:
             root, name = source.table(), path.stem
             if not own and name in self.found:  # another type has one that is called so
                 name = f"{next(iter(kinds))}_{name}"
-            if not _named(path.stem):
+            if not _named(path.name):
                 root.note("", Plain(path.name), said("mistake.file_name"))
             elif name in self.found:
                 root.note("", Plain(path.stem), said("mistake.lesson_name"))
@@ -187,5 +187,5 @@ def _check_sentence(row: Table, text: str, kind: EquipmentType) -> None:
         row.note("until", expression.ARGUMENT, said("mistake.lesson_argument"))
 
 
-def _named(name: str) -> bool:
-    return re.fullmatch(NAME, name) is not None
+def _named(file: str) -> bool:
+    return re.fullmatch(rf"{NAME}\.toml", file) is not None

@@ -72,7 +72,7 @@ from app.plant.sequence_definition import (
 )
 from app.plant.sequence_plant import check_order, check_points, others, own
 from app.plant.sequence_recipe import check_names, check_time, named, read_recipe, refers
-from app.plant.tables import MISSING, Source, Table, one_of, perhaps, span
+from app.plant.tables import MISSING, Source, Table, meant_as_toml, one_of, perhaps, span
 from app.plant.type_files.names import KEY, KEY_EXPECTED
 from app.plant.type_files.options import MOST_STEPS, STEPS
 
@@ -410,9 +410,9 @@ class SequenceFiles:
 
 def unused(plant: Plant) -> list[str]:
     """Definition files that no equipment of `plant` uses, relative to its folder; hidden ones (of an editor) are none."""
-    used = {item.sequence.name for item in plant.equipment.values() if item.sequence}
-    found = sorted((plant.folder / FOLDER).glob("*.toml"))
-    return [f"{FOLDER}/{path.name}" for path in found if path.stem not in used and not path.name.startswith(".")]
+    used = {f"{item.sequence.name}.toml" for item in plant.equipment.values() if item.sequence}
+    found = meant_as_toml(plant.folder / FOLDER)
+    return [f"{FOLDER}/{path.name}" for path in found if path.name not in used and not path.name.startswith(".")]
 
 
 def canonical(definition: SequenceDefinition) -> str:

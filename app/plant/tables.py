@@ -40,6 +40,11 @@ LARGEST = 1e100
 MISSING, NONE = said("mistake.missing"), said("mistake.none")
 
 
+def meant_as_toml(folder: Path) -> list[Path]:
+    """Everything in `folder` that somebody meant to be read, sorted; one that ends in .TOML is not, and should not be so in silence."""
+    return sorted(path for path in folder.glob("*") if path.suffix.lower() == ".toml")
+
+
 class Enough(Exception):
     """A file has so many mistakes, `problems`, that its reading was stopped."""
 

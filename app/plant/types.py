@@ -48,7 +48,7 @@ from app.plant.definitions import EquipmentType, Kind
 from app.plant.problems import Problem
 from app.plant.said import said
 from app.plant.services import read_services
-from app.plant.tables import MISSING, Source, Table, one_of
+from app.plant.tables import MISSING, Source, Table, meant_as_toml, one_of
 from app.plant.texts import FALLBACK, read_product
 from app.plant.training import read_training
 from app.plant.training import text_keys as training_keys
@@ -147,7 +147,7 @@ def _read_files(files: "_Files", languages: Sequence[str], spoken: Sequence[str]
 def _strange(files: "_Files") -> Iterator[Problem]:
     """Files that nobody reads: what is written in `alarm.toml` would never come."""
     known = {source.path.name for source in files.sources}
-    for path in sorted(files.folder.glob("*.toml")):
+    for path in meant_as_toml(files.folder):
         if path.name not in known and not re.fullmatch(r"texts\.[a-z]{2,3}\.toml", path.name):
             yield Problem(f"{files.shown}/{path.name}", "(file)", path.name, one_of(sorted(known), path.name))
 

@@ -91,6 +91,12 @@ def test_a_name_is_given_once_and_well_formed(folder: Path) -> None:
     assert any("small letters" in line for line in problems(folder, GOOD, "Mój.toml"))
 
 
+@pytest.mark.parametrize("name", ["UP.TOML", "own.TOML", "own.Toml"])
+def test_an_ending_in_capital_letters_is_told_and_no_lesson_is_missing_in_silence(folder: Path, name: str) -> None:
+    (told,) = problems(folder, GOOD, name)
+    assert told.startswith(f"lessons/{name}") and "small letters, digits and _ with .toml" in told
+
+
 def test_the_shipped_lessons_speak_every_language() -> None:
     plant, found = read_plant(Path("plants/demo"))
     assert plant is not None, found

@@ -141,6 +141,8 @@ def test_a_file_that_nobody_uses_is_found(tmp_path: Path) -> None:
     assert unused(loaded(tmp_path, spare="nonsense")) == ["sequences/spare.toml"]
     (tmp_path / "plant" / "sequences" / ".spare2.toml").write_text("an editor's", "utf-8")
     assert unused(loaded(tmp_path)) == ["sequences/spare.toml"]
+    (tmp_path / "plant" / "sequences" / "LOUD.TOML").write_text("nobody's", "utf-8")
+    assert unused(loaded(tmp_path)) == ["sequences/LOUD.TOML", "sequences/spare.toml"]
 
 
 def test_a_file_with_another_name_than_a_key_is_none(tmp_path: Path) -> None:

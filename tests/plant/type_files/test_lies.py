@@ -162,6 +162,14 @@ def test_a_file_that_nobody_reads(tmp_path: Path) -> None:
     assert (file, key) == ("alarm.toml", "(file)") and "(perhaps alarms.toml)" in expected
 
 
+def test_a_file_whose_ending_is_in_capital_letters_is_not_read_either(tmp_path: Path) -> None:
+    assert told(tmp_path) == []
+    (folder,) = tmp_path.rglob("device.toml")
+    (folder.parent / "ALARMS.TOML").write_text(ALARM, "utf-8")
+    ((file, value),) = ((one.file, str(one.value)) for one in read_plant(tmp_path)[1])
+    assert file.endswith("/ALARMS.TOML") and value == "ALARMS.TOML"
+
+
 @pytest.mark.parametrize(
     ("before", "after", "key", "expected"),
     [
