@@ -87,6 +87,8 @@ class Holding:
     """Time left for the holder to refuse [s]."""
     asked: bool = False
     """It is this person who asks."""
+    sentence: str = ""
+    """`text` where nothing beside says what it is about; empty = `text` says it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,7 +260,8 @@ class Operation:
             return Holding("mine", text("operate.mine"), "release", asks, left)
         mine = request is not None and person is not None and request.session == person.session
         held = text("operate.held", display=self.words.named(holder.display), since=self.words.time(holder.since))
-        return Holding("other" if may else "guest", held, "request" if may and not mine else "", "", left, mine)
+        action = "request" if may and not mine else ""
+        return Holding("other" if may else "guest", held, action, "", left, mine, text("why.held", display=held))
 
     @cached_property
     def permissives(self) -> list[ConditionLine]:

@@ -47,8 +47,7 @@ export function take(answer, near) {
   const line = inside.querySelector("[data-message]");
   if (line) {
     const kind = line.dataset.kind ?? (answer.ok ? "info" : "error");
-    if (line.dataset.time) told(line.textContent.trim(), kind, line.dataset.time);
-    else say(line.textContent.trim(), kind);
+    (line.dataset.time ? told : say)(line.textContent.trim(), kind, line.dataset.time);
     if (kind === "error" && near) hint(near, line.textContent.trim());
   }
   const asks = inside.querySelector("[data-ask]");
@@ -104,6 +103,7 @@ function renew(old, fresh) {
   if (old.dataset.locked !== undefined && fresh.dataset.state === "idle") return false;
   const focused = old.contains(document.activeElement) ? document.activeElement : null;
   if (old.matches(".stop") && old.dataset.state !== fresh.dataset.state && ["requested", "accepted"].includes(fresh.dataset.state)) withdraw(machineOf(old));
+  if ((old.dataset.holding === "mine") !== (fresh.dataset.holding === "mine")) told(fresh.dataset.told, "info");
   for (const name of SYNCED) {
     const value = fresh.getAttribute(name);
     if (value === old.getAttribute(name)) continue;
