@@ -68,6 +68,8 @@ class Source:
         self.doubts: list[Problem] = []
         """What is no mistake and still seldom meant."""
         self.data: dict[str, Any] = {}
+        self.unread = False
+        """It is there and cannot be read, or is no TOML: `data` is empty, and `problems` say why."""
         self.written: Mapping[tuple[str, ...], str] = {}
         """Path of a key that a reader made of another one → that one, as it stands in the file."""
         self._lines: list[str] = []
@@ -79,6 +81,7 @@ class Source:
             return
         except UnusableFile as error:
             self.note((), file_words(error.found), file_words(error.expected), line=error.line)
+            self.unread = True
             return
         self._lines = text.splitlines()
         if not text.strip():
@@ -89,6 +92,7 @@ class Source:
             self.data = parse(text)
         except TomlRefused as refused:
             self.note((), refused.found, refused.expected, line=refused.line or None)
+            self.unread = True
 
     def note(self, path: Sequence[str], value: object, expected: str, *, line: int | None = None) -> None:
         """Remember a mistake at the key `path`.

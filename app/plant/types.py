@@ -141,7 +141,9 @@ def _read_files(files: "_Files", languages: Sequence[str], spoken: Sequence[str]
     if not any(source.problems for source in files.sources):
         doubt_type(data, {source.path.name: source.table() for source in files.sources}, own=files.own)
     data = replace(data, doubts=tuple(doubt for source in files.sources for doubt in source.doubts))
-    return data, [*_strange(files), *(problem for source in files.sources for problem in source.problems)]
+    # what the others miss of a file that could not be read is no mistake of theirs
+    told = [source for source in files.sources if source.unread] or files.sources
+    return data, [*_strange(files), *(problem for source in told for problem in source.problems)]
 
 
 def _strange(files: "_Files") -> Iterator[Problem]:

@@ -120,3 +120,32 @@ def test_a_change_of_it_is_a_change_of_the_plant(tmp_path: Path) -> None:
     assert before and after
     assert compare(before, before) == []
     assert ("type", "changed", "scale") in [(one.what, one.kind, one.name) for one in compare(before, after)]
+
+
+@pytest.mark.parametrize("file", ["device", "points", "commands", "texts.en"])
+def test_a_file_that_is_no_toml_is_told_alone_and_not_what_the_others_miss_of_it(tmp_path: Path, file: str) -> None:
+    files = FILES | {
+        "device": 'label = "type"\narea = "scales"\ntile = ["weight"]\n[device]\n[options.most]\ndefault = 5\n',
+        "points": '[weight]\naddress = 1\nunit = "kg"\nhigh = "most"\n[tare]\naddress = 2\nwritable = true\n',
+        "commands": '[zero]\nwrites = [{ point = "tare", value = 1 }]\nfeedback = "weight == 0"\n',
+        "alarms": '[heavy]\nexpression = "weight > 4"\nvalue = "weight"\npriority = 3\n',
+    }
+    lines = files[file].splitlines(keepends=True)
+    (found,) = problems(written(tmp_path, **files | {file: "".join([*lines, lines[-1]])}))
+    assert (found.file, found.line, found.key) == (f"equipment/scale/{file}.toml", len(lines) + 1, "(file)")
+
+
+def test_a_file_that_is_no_toml_hides_no_file_that_nobody_reads(tmp_path: Path) -> None:
+    found = problems(written(tmp_path, points="[weight]\n[weight]\n", alarm="[heavy]\n"))
+    assert [(one.file, one.key) for one in found] == [
+        ("equipment/scale/alarm.toml", "(file)"),
+        ("equipment/scale/points.toml", "(file)"),
+    ]
+
+
+@pytest.mark.parametrize("texts", ["[]", "{}"])
+@pytest.mark.parametrize("kind", ["", 'kind = "enum"\n'])
+def test_an_enumeration_without_a_single_value_is_a_mistake(tmp_path: Path, kind: str, texts: str) -> None:
+    (found,) = problems(written(tmp_path, points=f"[weight]\naddress = 1\n{kind}texts = {texts}\n"))
+    assert (found.file, found.key, found.value) == ("equipment/scale/points.toml", "weight.texts", texts)
+    assert found.expected.startswith("the values of the enumeration with their texts")

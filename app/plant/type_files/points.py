@@ -206,6 +206,9 @@ def read_choices(table: Table, key: str, name: str) -> dict[int, str]:
     given = table.raw(name)
     if given is None:
         return {}
+    if given in ([], {}):
+        table.note(name, given, said("mistake.enum_texts"))
+        return {}
     if isinstance(given, list) and all(isinstance(item, int) and not isinstance(item, bool) for item in given):
         twice = next((item for index, item in enumerate(given) if item in given[:index]), None)
         if twice is not None:
