@@ -97,7 +97,7 @@ function patch(inside) {
 }
 
 const SYNCED = ["data-state", "aria-disabled", "aria-pressed", "title", "data-since", "data-limit", "data-waiting", "data-holding", "role", "data-url",
-  "data-command", "formaction"]; // a switch is another command once it is on
+  "data-command", "data-told", "formaction"]; // a switch is another command once it is on
 
 function renew(old, fresh) {
   if (old.dataset.locked !== undefined && fresh.dataset.state === "idle") return false;

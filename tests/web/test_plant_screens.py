@@ -164,6 +164,7 @@ def test_a_place_that_is_none_is_told(folder: Path, wrong: str) -> None:
     ("file", "said"),
     [
         ("alone.toml", 'screens/alone.toml: (file) = alone.toml: expected a drawing beside it, alone.svg'),
+        ("hall.TOML", "screens/hall.TOML: (file) = hall.TOML: expected a name of small letters, digits and _ with .toml"),
         ("HALL2.SVG", "screens/HALL2.SVG: (file) = HALL2.SVG: expected a name of small letters, digits and _ with .svg"),
         ("A b.svg", "screens/A b.svg: (file) = A b.svg: expected a name of small letters, digits and _ with .svg"),
         ("more/x.svg", "screens/more: (file) = a folder: expected drawings, with .svg, in this folder itself"),

@@ -78,8 +78,9 @@ def _drawings(folder: Path) -> tuple[list[Path], list[Problem]]:
     drawings = [path for path in paths if path.suffix.lower() == ".svg"]
     named = {path.stem for path in drawings}
     for path in paths:
-        if path.suffix == ".toml" and path.stem not in named:
-            expected = said("mistake.svg_beside", file=f"{path.stem}.svg")
+        read = path.suffix == ".toml"
+        if path.suffix.lower() == ".toml" and not (read and path.stem in named):
+            expected = said("mistake.svg_beside", file=f"{path.stem}.svg") if read else said("mistake.file_name")
             told.append(Problem(f"{FOLDER}/{path.name}", "(file)", printable(path.name, LONGEST_SHOWN), expected))
         elif path not in drawings and path.is_dir() and any(path.glob("*.svg")):
             shown = f"{FOLDER}/{path.name}"
