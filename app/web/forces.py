@@ -26,7 +26,7 @@ from app.web.operation import Button, Operation
 from app.web.pages import view_of
 from app.web.points import PointView
 from app.web.screens import row_name
-from app.web.tables import ID, RowName, RowView, TableView
+from app.web.tables import RowName, RowView, TableView
 from app.web.view import force_count
 
 router = APIRouter()
@@ -77,7 +77,7 @@ class Group:
         """Tags after whose change the list is another one, as `data-tags` takes them."""
         id = self.operation.id
         names = [f"{id}.{self.of.count}", self.operation.revision_tag, f"{SYSTEM}.{EVENTS}.{id}"]
-        return " ".join([*names, *(self.table.name(slot, ID) for slot in self.table.slots)])
+        return " ".join([*names, self.table.identities])
 
 
 @router.get("/forces", dependencies=[allow("view")])

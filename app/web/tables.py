@@ -67,9 +67,12 @@ class TableView:
     @property
     def watched(self) -> str:
         """Tags that say that rows came or went, as `data-tags` takes them."""
-        names = [f"{self.equipment.id}.{self.key}_generation"]
-        names += [self.names(slot, ID, "state") for slot in self.slots]
-        return " ".join(names)
+        return f"{self.equipment.id}.{self.key}_generation {self.identities}"
+
+    @property
+    def identities(self) -> str:
+        """Tags that say whose rows they are, as `data-tags` takes them; of a table that does not count its changes these alone."""
+        return " ".join(self.names(slot, ID, "state") for slot in self.slots)
 
     @property
     def rows(self) -> list[RowView]:

@@ -335,3 +335,13 @@ def test_an_area_has_its_own_flow_alarms_figures_and_curves(demo: TestClient) ->
     assert "uPlot.iife" in page and "uPlot.iife" not in demo.get("/").text
     whole = unescape(demo.get("/").text)
     assert 'hx-get="/alarms/summary"' in whole and "data-panel" not in whole
+
+
+def test_the_permissives_of_a_sequence_are_drawn_anew_when_a_row_of_a_force_or_a_fall_comes(demo: TestClient) -> None:
+    """Over a wire it comes after the word that says so: till then nobody knows how long a force still stands."""
+    page = demo.get("/equipment/seq1").text
+    found = re.search(r'class="panel q-word"[^>]*data-tags="([^"]*)"', page)
+    assert found is not None
+    handles = demo.app.state.runtime.tags.handles  # type: ignore[attr-defined]
+    rows = {name for name in handles if re.fullmatch(r"seq1\.(force|fall)_\d+_(id|state)", name)}
+    assert len(rows) > 8 and rows <= {*found[1].split()}
