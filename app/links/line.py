@@ -6,7 +6,7 @@ from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Any
 
 from app.clock import Clock
-from app.errors import LinkError, NotConnected, Overtaken, Withdrawn
+from app.errors import LinkError, NoAnswer, NotConnected, Overtaken, Withdrawn
 from app.links.contract import Block, LateAnswerDue, Transport
 from app.links.host_event import EventTaker
 from app.links.scan_block import ScanBlock
@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 
 REPORT = 1.0
 """Period of the statistics [s]."""
+READ_TRIES = 3
+"""How often the bits of others are read before a write, where this program stood still each time."""
 
 
 class Line:
@@ -175,18 +177,9 @@ class Line:
         if last is not None and station.state is not LinkState.UP:
             job.words = with_own(last, job.words, job.own)
             return self._now()
-        started, block = self._now(), Block(job.address, len(job.words), READ_HOLDING)
-        station.composed = job
+        started, station.composed = self._now(), job
         try:
-            now: Sequence[int] = await transport.read(job.unit, block, job.timeout)
-        except LinkError as error:
-            if last is None or isinstance(error, NotConnected):
-                raise
-            now = last
-            if not isinstance(error, LateAnswerDue):
-                self.statistics.failed(job.unit, error)
-        else:
-            self._answered(station, started, job.liveness, self._wire(block))
+            now = await self._read_others(transport, station, job, last)
         finally:
             station.composed = None
         self.statistics.busy += self._now() - started
@@ -195,6 +188,35 @@ class Line:
         check_permit(job)
         job.words = with_own(now, job.words, job.own)
         return self._now()
+
+    async def _read_others(
+        self, transport: Transport, station: Station, job: Job, last: Sequence[int] | None
+    ) -> Sequence[int]:
+        """The words of `job` as the device has them; `last` where it does not say. Never of before this program stood still.
+
+        Raises:
+            LinkError: as the transport where there is no `last`; NoAnswer where this program stood still each time.
+        """
+        block = Block(job.address, len(job.words), READ_HOLDING)
+        for _ in range(READ_TRIES):
+            asked, standstills = self._now(), self._tags.standstills
+            try:
+                now: Sequence[int] = await transport.read(job.unit, block, job.timeout)
+            except LinkError as error:
+                if last is None or isinstance(error, NotConnected):
+                    raise
+                if not isinstance(error, LateAnswerDue):
+                    self.statistics.failed(job.unit, error)
+                return last
+            self._answered(station, asked, job.liveness, self._wire(block))
+            if job.overtaken or not self._answer_was_kept(standstills):
+                break
+        else:
+            if not job.urgent:
+                raise NoAnswer(
+                    f"unit {job.unit}: {block.address:#06x} was read, and each time this program stood still"
+                )
+        return now
 
     def attend(self, station: Station, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         """Do `work` for a station beside its scans."""

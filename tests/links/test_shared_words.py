@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
+from typing import cast
 
 import pytest
 
@@ -12,6 +13,7 @@ from app.plant.definitions import Scan
 from app.registers.pdu import parse_request
 from app.sim.bus import Bus, LineFaultMode
 from tests.links.devices import QUICK, RegisterDevice, exchange, machine, on_bus, point, running, until
+from tests.virtual import VirtualLoop
 
 WORD = 2
 ROUTES = replace(QUICK, connections=2)
@@ -139,6 +141,42 @@ async def test_a_write_whose_bits_of_others_cannot_be_read_was_not_sent_and_that
         await until(lambda: line.link.statistics.state is LinkState.UP and line.value("m.mode") == 7)
         await line.link.write("m", "run", 1)
         assert device.words[WORD] == 0x71
+
+
+@pytest.mark.parametrize(
+    ("stands", "urgent", "left"),
+    [(1, False, 0x91), (2, False, 0x91), (9, False, None), (1, True, 0x90), (9, True, 0x90)],
+)
+async def test_the_bits_of_others_are_none_from_before_this_program_stood_still(
+    stands: int, urgent: bool, left: int | None
+) -> None:
+    device = RegisterDevice({0: 0, 1: 0, WORD: 0x30})
+    bus, loop = Bus({1: device}), cast("VirtualLoop", asyncio.get_running_loop())  # type: ignore[arg-type]
+    stood = 0
+
+    async def answer(unit: int, pdu: bytes) -> bytes | None:
+        """What was there before this program stood still, read after it; meanwhile somebody else has chosen another mode."""
+        nonlocal stood
+        request = parse_request(pdu)
+        found = await exchange(bus, unit, pdu)
+        if armed(bus) and stood < stands and request.count == 1 and request.address == WORD:
+            stood += 1
+            device.words[WORD] = 0x90
+            loop.clock.advance(30)
+        return found
+
+    async with running([machine("m", 1, control_word(), replace(QUICK, timeout=40.0))], exchange=answer) as line:  # type: ignore[arg-type]
+        await until(lambda: line.value("m.mode") == 3)
+        line.tags.sweep()
+        bus.armed = True  # type: ignore[attr-defined]
+        device.requests.clear()
+        write = line.link.write("m", "run", 0 if urgent else 1, urgent=urgent)
+        if left is None:
+            with pytest.raises(NotTaken, match="stood still"):
+                await write
+        else:
+            await write
+        assert [words for address, words in device.writes if address == WORD] == ([] if left is None else [(left,)])
 
 
 async def test_both_telegrams_are_counted() -> None:
