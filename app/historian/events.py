@@ -9,7 +9,7 @@ import asyncio
 import logging
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -177,6 +177,12 @@ class Events:
         """Events that the database has not taken yet."""
         return sum(len(one.events) for one in self._waiting)
 
+    def unstored(self, machines: Collection[str] | None = None) -> int:
+        """Events of these machines, or of all, that a list has not because the database does not take them; 0 while it does."""
+        if not self.failed:
+            return 0
+        return sum(len(one.events) for one in self._waiting if machines is None or one.equipment in machines)
+
     async def take(self, equipment: str, events: Sequence[RingEvent], lost: int = 0) -> None:
         """Keep what happened; returns when it is stored (`last` says how far that is).
 
@@ -262,6 +268,8 @@ class Events:
             if not self.failed:
                 log.error("events are not written reason=%s", error)
             self.failed = True
+            for equipment in {one.equipment for one in waiting}:
+                self.changed(equipment)
             raise
         self._stored = number
         del self._waiting[: len(waiting)]

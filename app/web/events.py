@@ -266,6 +266,7 @@ async def _list(request: Request, typed: dict[str, str], wanted: EventFilter) ->
         "found": min(count, MOST_COUNTED),
         "more": count > MOST_COUNTED,
         "lost": lost,
+        "unstored": runtime.events.unstored([typed["equipment"]] if typed["equipment"] else None),
         "gaps": [(one.equipment.removeprefix(GONE), draw.gap(one)) for one in missing],
         "several": not typed["equipment"],
         "older": "/events?" + urlencode(chosen | {"before": f"{last.time}-{last.id}"}) if last else "",

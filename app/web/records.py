@@ -379,6 +379,7 @@ async def _main(request: Request, kind: RecordKind, typed: dict[str, str], wante
         "detail_url": f"/records/{kind.name}/detail/",
         "live": not typed["before"],
         "several": not typed["equipment"],
+        "unstored": runtime.events.unstored(ids),
     }
     if typed["view"] == TIMES:
 

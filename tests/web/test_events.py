@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator
 from datetime import datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,6 +13,8 @@ from sqlalchemy import Connection
 from app.errors import StorageError
 from app.historian.events import Delivery, EndedCommand, attribute, has_ring, store
 from app.runtime import Runtime
+from app.settings import Settings
+from tests import virtual
 from tests.historian.rings import BEGIN, SECOND, Ring
 from tests.web.people import Staff
 
@@ -116,6 +119,7 @@ def test_programs_read_the_same_events_page_by_page(staff: Staff) -> None:
         "events": [],
         "lost": 0,
         "gaps": [],
+        "waiting": 0,
         "next": None,
     }
 
@@ -187,6 +191,63 @@ def test_a_history_that_cannot_be_read_says_so(staff: Staff, monkeypatch: pytest
     monkeypatch.setattr(runtime_of(staff.client).history, "read", broken)
     for path in ("/events", "/events/list", "/api/v1/events"):
         get(staff, path, 503)
+
+
+UNSTORED = {
+    "hr": "Još nije zapisano događaja: {n}",
+    "en": "Events not recorded yet: {n}",
+    "de": "Noch nicht aufgezeichnete Ereignisse: {n}",
+    "cs": "Dosud nezaznamenané události: {n}",
+}
+
+
+def test_events_that_a_full_disk_does_not_take_are_missing_and_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On the lists of events and of records of that machine, for programs, and no longer when they are stored."""
+    with virtual.house(Settings(data=tmp_path / "data")) as client:
+        _full_disk(Staff(client), monkeypatch)
+
+
+def _full_disk(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
+    runtime = runtime_of(staff.client)
+    staff.enter("ana", "viewer")
+
+    async def full(_work: Any) -> Any:
+        raise StorageError("history.db: database or disk is full")
+
+    async def happen() -> None:
+        ring = Ring(time=runtime.clock.micros(), sequence=20_000)
+        for _ in range(3):
+            ring.tell(24, source=2, value=12.5)
+        with pytest.raises(StorageError):
+            await runtime.events.take("c1", ring.drain())
+
+    def told(path: str, lang: str, **query: str) -> str:
+        staff.client.cookies.set("pogon_lang", lang)
+        found = re.search(r'class="p-lost" role="status".*?<span>(.*?)</span>', get(staff, path, **query).text, re.S)
+        return found[1] if found else ""
+
+    lists = ("/events", "/events/list", "/records/passage", "/records/passage/list")
+    assert [told(path, "hr") for path in lists] == [""] * 4
+    before = runtime.tags.value(runtime.tags.handle("sys.events.c1"))
+    monkeypatch.setattr(runtime.history, "write", full)
+    staff.wait(happen)
+    n = runtime.events.unstored(["c1"])
+    assert n >= 3 and runtime.tags.value(runtime.tags.handle("sys.events.c1")) != before, "an open page asks again"
+    for lang, sentence in UNSTORED.items():
+        for path in lists:
+            assert told(path, lang, equipment="c1") == sentence.format(n=n), (path, lang)
+    assert told("/events", "hr", equipment="m1") == told("/records/run", "hr") == ""
+    staff.client.cookies.delete("pogon_lang")
+    for path in ("/api/v1/events", "/api/v1/records/passage"):
+        assert get(staff, path, equipment="c1").json()["waiting"] == n
+    monkeypatch.undo()
+    staff.client.pass_time(10)  # type: ignore[attr-defined]
+    assert [told(path, "hr", equipment="c1") for path in lists] == [""] * 4
+    staff.client.cookies.delete("pogon_lang")
+    for path in ("/api/v1/events", "/api/v1/records/passage"):
+        assert get(staff, path, equipment="c1").json()["waiting"] == 0
 
 
 def test_pages_follow_one_another_without_a_gap(staff: Staff) -> None:

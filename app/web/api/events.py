@@ -68,6 +68,9 @@ class EventsOut(BaseModel):
     events: list[RingEventOut]
     lost: int = Field(description="events of these machines and this time that were overwritten before they were read")
     gaps: list[GapOut] = Field(description=f"where they are missing, newest first, at most {MOST}")
+    waiting: int = Field(
+        description="events of these machines that are missing here because the history is not written at the moment"
+    )
     next: str | None
 
 
@@ -109,6 +112,7 @@ async def events(
             GapOut(equipment=one.equipment, count=one.count, after=_place(one.after), before=_place(one.before))
             for one in missing
         ],
+        waiting=runtime_of(request).events.unstored([equipment] if equipment else None),
         next=f"{shown[-1].time}-{shown[-1].id}" if len(found) > limit else None,
     )
 

@@ -14,7 +14,7 @@ from starlette.exceptions import HTTPException
 
 from app.clock import to_datetime, to_micros
 from app.historian import record_query as query
-from app.historian.record_export import kinds
+from app.historian.record_export import keeping, kinds
 from app.historian.records import source_of
 from app.plant.kept import Definition
 from app.plant.record_kinds import former_addresses
@@ -120,6 +120,7 @@ class RecordsOut(BaseModel):
     """A page of records, newest first; `next` is the `before` of the next page."""
 
     records: list[RecordOut]
+    waiting: int = Field(description="events that these records miss because the history is not written at the moment")
     next: str | None
 
 
@@ -196,7 +197,8 @@ async def records(
         return made, f"{shown[-1].begun}-{shown[-1].id}" if len(found) > limit else None
 
     made, following = await read(runtime, work)
-    return RecordsOut(records=made, next=following)
+    told = [equipment] if equipment else [item.id for item in keeping(runtime.plant, kind)]
+    return RecordsOut(records=made, waiting=runtime.events.unstored(told), next=following)
 
 
 def _moved(address: str, kind: str) -> None:
