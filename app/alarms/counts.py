@@ -2,7 +2,7 @@
 
 from app.alarms.alarm_list import AlarmList
 from app.alarms.annunciations import Annunciations
-from app.alarms.definitions import PREFIX, PRIORITIES
+from app.alarms.definitions import COUNTS, PREFIX, PRIORITIES
 from app.alarms.index import AlarmIndex
 from app.alarms.lifecycle import AUDIBLE, AlarmState
 from app.clock import Clock
@@ -15,6 +15,10 @@ BLOCK = 2
 """Number of the block of our points within those of the system."""
 PUBLISH_PERIOD = 0.25
 """Least time between two changes of the counts [s]."""
+NO_PLANT = quality.UNCERTAIN | quality.QualityReason.CONFIGURATION << 2
+"""Quality of the counts of a plant that cannot start: they know of the system's alarms alone."""
+COUNTED = frozenset(COUNTS) - {"revision", "new", "sound"}
+"""Points that say how many alarms of the whole plant there are."""
 
 
 class AlarmCounts:
@@ -74,10 +78,12 @@ class AlarmCounts:
         """Bring the points up to date."""
         self._sent_at, self._sent_revision = self._clock.monotonic(), self._list.revision
         known, tags, now = self._tags.handles, self._tags, self._clock.micros()
-        handles, values = [], []
+        handles, values, qualities = [], [], []
         for key, value in self.values().items():
             handle = known.get(f"{SYSTEM}.{PREFIX}.{key}")
-            if handle is not None and (tags.value(handle) != value or quality.is_bad(tags.quality(handle))):
+            worth = quality.GOOD if self._index.known or key not in COUNTED else NO_PLANT
+            if handle is not None and (tags.value(handle), tags.quality(handle)) != (value, worth):
                 handles.append(handle)
                 values.append(value)
-        tags.publish(Batch(SYSTEM, BLOCK, now, now, handles, values))
+                qualities.append(worth)
+        tags.publish(Batch(SYSTEM, BLOCK, now, now, handles, values, qualities=qualities))

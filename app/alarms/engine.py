@@ -99,7 +99,8 @@ class AlarmEngine:
         equipment = plant.equipment if plant else {}
         rows = [alarm for item in equipment.values() for alarm in item.alarms]
         index = AlarmIndex(self._tags, handles)
-        index.fill(equipment)
+        if plant:
+            index.fill(equipment)
         return NextAlarms(
             texts, hashlib.sha256(repr(rows).encode()).hexdigest()[:12], index, plant.alarm_classes if plant else {}
         )

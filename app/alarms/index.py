@@ -37,6 +37,8 @@ class AlarmIndex:
         """`handles`: of tags that `tags` is going to have; else those that it has."""
         self.equipment: Mapping[str, Equipment] = {}
         """The machines of the plant by id."""
+        self.known = False
+        """Whether there is a plant: else nobody knows of its alarms."""
         self._tags = tags
         self._given = handles
         self._by_id: dict[str, Watch] = {}
@@ -50,7 +52,7 @@ class AlarmIndex:
 
     def fill(self, equipment: Mapping[str, Equipment]) -> None:
         """Take in the alarms of the machines `equipment`."""
-        self.equipment = equipment
+        self.equipment, self.known = equipment, True
         for item in equipment.values():
             for alarm in item.alarms:
                 self.add(self.of_plant(item, alarm))
@@ -58,7 +60,7 @@ class AlarmIndex:
     def take(self, other: "AlarmIndex") -> dict[str, Watch]:
         """Be as `other`, which is not used any more; the alarms that were there, by id."""
         old = self._by_id
-        self.equipment = other.equipment
+        self.equipment, self.known = other.equipment, other.known
         self._by_id, self._readers, self._timed = other._by_id, other._readers, other._timed
         self._roots, self._members, self._by_event = other._roots, other._members, other._by_event
         self._views = other._views

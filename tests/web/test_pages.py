@@ -216,6 +216,10 @@ def test_a_broken_plant_is_explained_on_every_page(start: Start, tmp_path: Path)
         assert not any(re.search(r"sys\.alarms\.(total|unack|hidden)", one) for one in pages), (
             "nor is 0 counted elsewhere"
         )
+    counts = {
+        one: client.get(f"/api/v1/tags/sys.alarms.{one}").json() for one in ("total", "unack_1", "active_4", "hidden")
+    }
+    assert {one: said["quality"] for one, said in counts.items()} == dict.fromkeys(counts, "uncertain:configuration")
     assert client.get("/", headers={"HX-Request": "true"}).status_code == 503
     assert client.get("/static/css/frame.css").status_code == 200
     assert send(client, "/language", {"to": "en"}).status_code == 303
