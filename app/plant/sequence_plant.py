@@ -13,7 +13,7 @@ every sequence: there is none to compare.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
 
 from app.plant.definitions import Argument, Equipment, Kind, Link, Plant, Scan, Type
@@ -29,9 +29,9 @@ def own(names: Sequence[str] | frozenset[str]) -> list[str]:
     return sorted(name for name in names if "." not in name)
 
 
-def others(names: Sequence[str] | frozenset[str]) -> list[str]:
-    """Those of `names` that are points of any machine of the plant."""
-    return sorted(name for name in names if "." in name)
+def others(names: Sequence[str] | frozenset[str], but: Collection[str] = ()) -> list[str]:
+    """Those of `names` that are points of any machine of the plant `but` these."""
+    return sorted(name for name in names if "." in name and name.partition(".")[0] not in but)
 
 
 def commanding(plant: Plant, machine: str) -> list[Equipment]:

@@ -46,7 +46,7 @@ program does, and are part of its check sum; on a simulated link they are a mist
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -194,21 +194,28 @@ class SequenceFiles:
         for table, key, text in file.sentences:
             _check_signals(table, key, text, signals, looked)
 
-    def check_plant(self, item: Equipment, found: Mapping[str, Equipment], links: Mapping[str, Link]) -> None:
-        """Note what the definition of `item` asks of other machines that the plant does not have, or that may not be."""
+    def check_plant(
+        self, item: Equipment, found: Mapping[str, Equipment], links: Mapping[str, Link], broken: Collection[str]
+    ) -> None:
+        """Note what the definition of `item` asks of other machines that the plant does not have, or that may not be.
+
+        `broken`: machines whose own mistakes are told; nothing is known of them.
+        """
         file = self._files[item.sequence.name] if item.sequence else None
         kinds = (item.id, "plant")
         if file is None or kinds in self._checked:
             return
         self._checked.add(kinds)
         for table, key, text in (*file.signals, *file.wishes):
-            values = [name for name in others(_names(text)) if file.definition.is_recipe(name)]
+            asked = others(_names(text), broken)
+            values = [name for name in asked if file.definition.is_recipe(name)]
             check_names(table, key, text, values, file.recipe)
-            check_points(table, key, text, [name for name in others(_names(text)) if name not in values], found)
+            check_points(table, key, text, [name for name in asked if name not in values], found)
         for table, key, name in file.values:
-            check_points(table, key, name, others([name]), found)
+            check_points(table, key, name, others([name], broken), found)
         for table, order in file.orders:
-            check_order(table, order, item, found, links, file.recipe)
+            if order.machine not in broken:
+                check_order(table, order, item, found, links, file.recipe)
         if file.orders and file.definition.tests:
             table = file.orders[0][0]
             table.source.note(("tests",), said("mistake.tests", number=len(file.definition.tests)), NO_TESTS)

@@ -73,6 +73,8 @@ class Source:
         self.written: Mapping[tuple[str, ...], str] = {}
         """Path of a key that a reader made of another one → that one, as it stands in the file."""
         self._lines: list[str] = []
+        self._told_of: set[tuple[str, ...]] = set()
+        """Keys of which a mistake is told."""
         try:
             text = read_text(path, LARGEST_FILE, inside=inside) if draft is None else draft
         except MissingFile as error:
@@ -95,12 +97,17 @@ class Source:
             self.unread = True
 
     def note(self, path: Sequence[str], value: object, expected: str, *, line: int | None = None) -> None:
-        """Remember a mistake at the key `path`.
+        """Remember a mistake at the key `path`, once; of a value that was taken in place of a wrong one nothing is told.
 
         Raises:
             Enough: it is one of very many.
         """
-        self.problems.append(self._told(path, value, expected, line))
+        given, problem = self._value(path), self._told(path, value, expected, line)
+        instead = given is not None and str(given) != str(value) and tuple(path) in self._told_of
+        if instead or problem in self.problems:
+            return
+        self._told_of.add(tuple(path))
+        self.problems.append(problem)
         if len(self.problems) >= STOP_AT:
             raise Enough(self.problems)
 
@@ -114,6 +121,13 @@ class Source:
         shown = f'"{value}"' if text else value if isinstance(value, str) else _SHORT.repr(value)
         place = line if line is not None else self.line(path)
         return Problem(self.name, key, printable(shown, LONGEST_SHOWN), printable(expected, LONGEST_EXPECTED), place)
+
+    def _value(self, path: Sequence[str]) -> object:
+        """What the file gives at `path`; None: nothing."""
+        found: object = self.data
+        for part in path:
+            found = found.get(part) if isinstance(found, Mapping) else None
+        return found
 
     def line(self, path: Sequence[str]) -> int | None:
         """The line (from 1) on which the key `path` stands, or the nearest table around it."""

@@ -92,8 +92,8 @@ def test_rows_of_a_list_have_their_own_lines(tmp_path: Path) -> None:
 def test_a_file_of_nothing_but_mistakes_is_not_read_to_its_end(tmp_path: Path) -> None:
     read = table(tmp_path, "x = 1")
     with pytest.raises(Enough):
-        for _ in range(STOP_AT + 1):
-            read.note("x", 1, "2")
+        for number in range(STOP_AT + 1):
+            read.note(f"x{number}", 1, "2")
     assert len(told(read)) == STOP_AT
 
 

@@ -17,6 +17,15 @@ def couple(machines: Machines, sequences: SequenceFiles, links: Mapping[str, Lin
             _couple(id, named, machines, sequences, links, rows)
 
 
+def _broken(found: Mapping[str, Equipment], rows: Mapping[str, object]) -> list[str]:
+    """Machines of the plant file that are not built because of mistakes, which are told."""
+    return [name for name in rows if name not in found and not _repeated(name, found)]
+
+
+def _repeated(name: str, found: Mapping[str, Equipment]) -> bool:
+    return any(key.startswith(f"{name}_") for key in found)
+
+
 def _couple(
     id: str,
     named: NamedMachine,
@@ -40,7 +49,7 @@ def _couple(
     if unread and named.number <= 1:
         _note_forgotten(named.table, unread)
     sequences.check(item, machine, forgotten=bool(unread))
-    sequences.check_plant(machines.found[id], machines.found, links)
+    sequences.check_plant(machines.found[id], machines.found, links, _broken(machines.found, rows))
 
 
 def _machine(id: str, named: NamedMachine, found: Mapping[str, Equipment]) -> Equipment | None:
@@ -53,7 +62,7 @@ def _note_unknown(id: str, named: NamedMachine, found: Mapping[str, Equipment], 
     if named.name not in rows:  # else its own mistakes are told
         known = sorted(key for key, other in found.items() if not other.type.sequence)
         named.table.note("machine", named.name, said("mistake.equipment_known", known=one_of(known, named.name)))
-    elif any(key.startswith(f"{named.name}_") for key in found):
+    elif _repeated(named.name, found):
         expected = said("mistake.repeated_machine", machine=named.name, id=id)
         named.table.note("machine", named.name, expected)
 
