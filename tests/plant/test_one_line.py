@@ -67,6 +67,20 @@ def test_a_machine_of_no_known_type_is_told_and_not_what_a_sequence_asks_of_it(t
     assert (told.key, told.value) == ("equipment.c1.type", '"conveyer"')
 
 
+@pytest.mark.parametrize("missing", ["", "adress = 10\n"])
+def test_a_point_without_a_place_is_told_and_not_every_key_of_it(tmp_path: Path, missing: str) -> None:
+    row = f'[x]\n{missing}type = "i32"\norder = "cdab"\nscale = 0.1\nunit = "mm"\nlow = 0\nhigh = 9\n'
+    told = [str(one) for one in read_plant(written(tmp_path, points=POINTS + row, texts_en=WORDS))[1]]
+    assert len(told) == 1 + bool(missing) and any("a point with `address`" in one for one in told), told
+    assert not missing or any("(perhaps address)" in one for one in told)
+
+
+def test_a_point_that_is_part_of_none_is_told_once(tmp_path: Path) -> None:
+    row = '[x]\npart_of = "mottor"\nmask = 1\nshift = 3\n'
+    (told,) = read_plant(written(tmp_path, points=POINTS + row, texts_en=WORDS))[1]
+    assert (told.key, told.value) == ("x.part_of", '"mottor"')
+
+
 def _twice(told: list[object]) -> list[object]:
     counts = Counter((one.file, one.key) for one in told)  # type: ignore[attr-defined]
     return [key for (_, key), number in counts.items() if number > 1]

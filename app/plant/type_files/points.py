@@ -118,7 +118,9 @@ class Points:
                 "derived", said("mistake.given"), said("mistake.either_lies", first="`address`", second="`derived`")
             )
         _check_kind(table, point, takes_texts=given.get("kind") == Kind.ENUM, bounded="low" in given)
-        if register is None and derived is None:
+        if register is None and derived is None and not table.has("part_of"):  # else it is told why
+            table.raw("address")
+            read_register(table, writable=False, address=0)  # its keys are known ones: it is only nowhere
             table.note("", NONE, said("mistake.point_lies", first="`address`", second="`part_of`", third="`derived`"))
         return PointData(point, bounds, part=table.has("part_of"))
 
@@ -128,10 +130,10 @@ class Points:
         whole = self.found[of].point.register if of in self.found else None
         if table.has("address"):
             table.note("address", table.raw("address"), said("mistake.no_address"))
+        mask, shift = table.whole("mask", 1, 1, 0xFFFF), table.whole("shift", 0, 0, 15)
         if whole is None or whole.mask is not None or whole.type is not Type.U16 or not whole.readable:
             table.note("part_of", of, said("mistake.part_of"))
             return None
-        mask, shift = table.whole("mask", 1, 1, 0xFFFF), table.whole("shift", 0, 0, 15)
         if mask << shift > 0xFFFF:
             table.note("mask" if table.has("mask") else "shift", mask, said("mistake.bits_of", bits=16, type=Type.U16))
         return Register(whole.address, order=whole.order, table=whole.table, mask=mask, shift=shift, none=whole.none)
