@@ -84,9 +84,10 @@ SYMBOL = r"[ei]-[a-z0-9-]+"
 
 
 def names(folder: Path = EQUIPMENT) -> list[str]:
-    """Equipment types that exist; none in a folder that cannot be, whatever Python has against it."""
+    """Equipment types that exist, or are begun: without device.toml, or with one of another name, a type is wrong and not unknown. None in
+    a folder that cannot be, whatever Python has against it."""
     with contextlib.suppress(ValueError):
-        return sorted(path.parent.name for path in folder.glob("*/device.toml"))
+        return sorted({path.parent.name for path in folder.glob("*/*") if path.suffix.lower() == ".toml"})
     return []
 
 

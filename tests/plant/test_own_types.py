@@ -143,6 +143,16 @@ def test_a_file_that_is_no_toml_hides_no_file_that_nobody_reads(tmp_path: Path) 
     ]
 
 
+@pytest.mark.parametrize("name", ["DEVICE.TOML", "device.Toml", ""])
+def test_a_type_without_its_first_file_is_wrong_and_not_unknown(tmp_path: Path, name: str) -> None:
+    folder = written(tmp_path)
+    device = folder / "equipment" / "scale" / "device.toml"
+    device.rename(device.with_name(name)) if name else device.unlink()
+    told = [(one.file, one.key) for one in problems(folder)]
+    place = "equipment/scale/"
+    assert told == [(place + file, "(file)") for file in ([name] if name else []) + ["device.toml"]]
+
+
 @pytest.mark.parametrize("texts", ["[]", "{}"])
 @pytest.mark.parametrize("kind", ["", 'kind = "enum"\n'])
 def test_an_enumeration_without_a_single_value_is_a_mistake(tmp_path: Path, kind: str, texts: str) -> None:
