@@ -387,6 +387,9 @@ class Connection(HttpToolsProtocol):
         if len(self.pipeline) >= MOST_AHEAD:
             self._refusal = 429
             raise ValueError("too many requests ahead")
+        if self.parser.should_upgrade() and self.cycle is not None and not self.cycle.response_complete:
+            self._refusal = 400  # the answers that are due would be written between its frames
+            raise ValueError("a socket before the answers to what was asked before it")
         self._take_authority()
         self._in_head = False
         self._raw, self._lines, self._size = self._portion, 0, 0
@@ -506,6 +509,9 @@ class Socket(WebSocketsSansIOProtocol):
             if self.transport.is_closing():
                 return
             super().data_received(data[begin : begin + PORTION])
+            if self.conn.handshake_exc is not None and not self.handshake_complete:
+                self._turn_away()
+                return
 
     def handle_events(self) -> None:
         now = self.loop.time()
@@ -526,6 +532,13 @@ class Socket(WebSocketsSansIOProtocol):
             self.handle_parser_exception()
         else:
             super().send_receive_event_to_app()
+
+    def _turn_away(self) -> None:
+        """A head that is none to the sockets' own parser (a body, a line above 8 KB) is answered, and nobody stays without a socket."""
+        self.handshake_complete = self.close_sent = True
+        said = b"".join(self.conn.data_to_send())
+        self.transport.write(said or STATUS_LINE[400] + b"content-length: 0\r\nconnection: close\r\n\r\n")
+        self.transport.close()
 
     def _close_flood(self) -> None:
         """Say why, if it is read at all, and close: nobody waits for what is left of it."""

@@ -326,6 +326,31 @@ UPGRADE = (
     b"GET /live HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
     b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
 )
+
+
+@pytest.mark.parametrize(
+    ("head", "status"),
+    [
+        (UPGRADE.replace(b"Host: x", b"Host: x\r\nX: " + b"a" * 20_000), 431),
+        (UPGRADE.replace(b"/live", b"/live?" + b"a" * 20_000), 414),
+        (UPGRADE.replace(b"Host: x", b"Host: x\r\nContent-Length: 5") + b"abcde", 400),
+        (UPGRADE.replace(b"GET", b"POST").replace(b"Host: x", b"Host: x\r\nContent-Length: 5") + b"abcde", 400),
+    ],
+)
+async def test_a_wish_for_a_socket_that_cannot_be_read_is_answered_and_closed(
+    served: Served, head: bytes, status: int
+) -> None:
+    heard = await served.send(head)
+    assert heard.startswith(b"HTTP/1.1 %d " % status), heard[:100]
+    assert not len(served.doors)
+
+
+async def test_no_socket_is_opened_before_the_answers_that_are_due(served: Served) -> None:
+    heard = await served.send(b"GET /large HTTP/1.1\r\nHost: x\r\n\r\n" + UPGRADE)
+    assert b"101 Switching" not in heard
+    assert (await served.send(GET + b"Connection: close\r\n\r\n")).startswith(b"HTTP/1.1 200 ")
+
+
 MASK = b"\x80\x00\x00\x00\x00"
 PING, PONG, PIECE, EMPTY = b"\x89" + MASK, b"\x8a" + MASK, b"\x00" + MASK, b"\x81" + MASK
 """Frames of a browser without a payload: two of control, a further piece of a message, a whole one."""
