@@ -43,8 +43,10 @@ FLAGS: tuple[tuple[Origin, str], ...] = (
     (Origin.SUBSTITUTED, "M"),
     (Origin.LOCAL, "L"),
 )
-FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "|", "%")
 """A text cell that begins so is a formula to a spreadsheet program; an apostrophe before it makes it text."""
+INSIDE = re.compile(r"""(?<=[;,\t\r\n])("*)(?=[=+\-@|%])(?![+-]?\d[\d.]*(?:[;,\t\r\n]|$)|[+\-@|%](?:[;,\t\r\n]|$))""")
+"""Where a formula begins within a cell for a program that is set to other separators than the file has: quotes do not hold for it there."""
 WHOLE = 2.0**53
 """Up to here every whole number is stored to the last unit."""
 DIGITS = 15
@@ -212,9 +214,7 @@ class Sheet:
 
     def _cell(self, text: str) -> str:
         """A text as one cell: no formula, no end of line, quoted where it must be."""
-        if text.startswith(FORMULA):
-            text = "'" + text
-        return self._quoted(text)
+        return self._quoted(defused(text))
 
     def _quoted(self, text: str) -> str:
         text = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029]", " ", text)

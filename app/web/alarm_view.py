@@ -222,6 +222,8 @@ class Drawing:
             name: fmt.number(one, fmt.shortest(one, 3), self.lang) if isinstance(one, float) else one
             for name, one in spoken(self.texts, self.lang, type, whole).items()
         }
+        if not type and "account" in params:  # of our own alarms about people
+            plain["account"] = self.shown_name(str(params["account"]))
         return {"unit": unit, **plain, **shown}
 
     def value(self, equipment: str, point: str, value: float | None, limit: float | None) -> str:

@@ -162,6 +162,38 @@ def test_no_page_tells_a_visitor_who_anybody_is(staff: Staff) -> None:
             assert b"zvonimira" not in answer.body.lower(), address
 
 
+def test_an_alarm_about_an_account_tells_a_visitor_not_whose(staff: Staff) -> None:
+    """Wrong passwords would tell a stranger which names are right, and the first alarm of a plant who its administrator is."""
+    staff.add("ljudevita", "admin")
+    staff.wait(staff.access.throttle.clear, "ljudevita")
+    for _ in range(6):
+        staff.have()
+        staff.post("/signin", {"name": "ljudevita", "password": "wrong and wrong again", "next": "/"})
+    pages = (
+        "/",
+        "/alarms",
+        "/alarms?tab=journal",
+        "/alarms/banner",
+        "/alarms/summary",
+        "/alarms/list",
+        "/api/v1/alarms",
+        "/alarms/statistics",
+    )
+    details = {
+        f"/alarms/detail/{one.occurrence}"
+        for one in runtime(staff).alarms.list.active()
+        if one.id in ("sys.account_locked", "sys.admin_added")
+    }
+    assert details, "both alarms stand"
+    staff.have()
+    for page in (*pages, *details):
+        answer = staff.client.get(page)
+        assert answer.status_code == 200 and "ljudevita" not in answer.text.lower(), page
+    staff.enter("ana", "viewer")
+    for page in ("/alarms?tab=journal", "/api/v1/alarms"):
+        assert "ljudevita" in staff.client.get(page).text
+
+
 def _boss() -> Any:
     from tests.web.people import BOSS
 

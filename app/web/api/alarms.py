@@ -1,6 +1,7 @@
 """Alarms for programs: those that are not normal, and their acknowledgement."""
 
 from datetime import datetime
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 from fastapi import APIRouter, Body, Request
@@ -52,7 +53,7 @@ class AckOut(BaseModel):
 async def alarms(request: Request) -> list[AlarmOut]:
     """All alarms that are not normal, the most important first."""
     runtime = runtime_of(request)
-    view = Drawing(runtime, runtime.texts, language_of(request))
+    view = Drawing(runtime, runtime.texts, language_of(request), partial(shown_name, request))
     return [_alarm(request, view, one) for one in runtime.alarms.list.active()]
 
 
