@@ -45,8 +45,10 @@ FLAGS: tuple[tuple[Origin, str], ...] = (
 )
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "|", "%")
 """A text cell that begins so is a formula to a spreadsheet program; an apostrophe before it makes it text."""
-INSIDE = re.compile(r"""(?<=[;,\t\r\n])("*)(?=[=+\-@|%])(?![+-]?\d[\d.]*(?:[;,\t\r\n]|$)|[+\-@|%](?:[;,\t\r\n]|$))""")
-"""Where a formula begins within a cell for a program that is set to other separators than the file has: quotes do not hold for it there."""
+INSIDE = re.compile(
+    r"""(?<=[;,\t\r\n])("*)(?=[=+\-@|%])(?!(?:[+-]?\d[\d.]*|[+\-@|%])(?:[;,\t\r\n]|$))""",
+)
+"""Where a cell begins for a program that is set to other separators than the file has, which no quotes prevent; neither number nor sign."""
 WHOLE = 2.0**53
 """Up to here every whole number is stored to the last unit."""
 DIGITS = 15
@@ -375,6 +377,12 @@ AGGREGATED = (
 
 
 BY_SHIFT = (*AGGREGATED[:2], "end_local", "shift", "hours", *AGGREGATED[2:])
+
+
+def defused(text: str) -> str:
+    """`text` so that no spreadsheet takes it, or what follows a separator in it, for a formula; a sign alone, as the unit %, is none."""
+    inside = INSIDE.sub(r"\1'", text)
+    return f"'{inside}" if text.startswith(FORMULA) and len(text) > 1 else inside
 
 
 def clock(minute: int) -> str:

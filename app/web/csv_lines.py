@@ -9,17 +9,10 @@ from typing import Any
 from fastapi import Request
 
 from app.errors import Refused
-from app.historian.export import FORMATS
+from app.historian.export import FORMATS, defused
 
-FORMULA = ("=", "+", "-", "@", "\t", "\r", "|", "%")
-"""A cell of text that begins like this is a formula to a spreadsheet; ours begins with an apostrophe then."""
 NUMBER = re.compile(r"-?(?:0|[1-9][0-9]{0,14})(?:\.[0-9]{1,15})?")
 """As Python writes one."""
-
-
-def defused(cell: str) -> str:
-    """`cell` so that no spreadsheet takes it for a formula; a sign alone, such as the unit %, is none."""
-    return f"'{cell}" if cell.startswith(FORMULA) and len(cell) > 1 else cell
 
 
 def number_in(text: str) -> str | int | float:

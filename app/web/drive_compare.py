@@ -28,11 +28,11 @@ from app.commands.parameter_file import (
     read_file,
 )
 from app.errors import LinkError, Refused
+from app.historian.export import defused
 from app.profidrive.parameter_access.messages import Values
 from app.profidrive.parameter_access.parameter import DriveParameter
 from app.web import format as fmt
 from app.web.commands import operation_of, wants_fragment
-from app.web.csv_lines import defused
 from app.web.drive_mailbox import has_objects, kept_of, problem_of
 from app.web.drive_parameters import Machine, begin_reading, machine_of, places
 from app.web.drive_values import number_text, parameter_of, value_text

@@ -16,6 +16,8 @@ LANDMARKS = ("html", "header", "nav", "main", "footer", "h1")
 CELL = re.compile(r"[+-]?\d[\d.,  ]*(?:[eE][+-]?\d+)?")
 """A number, with the signs of any language."""
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
+FOREIGN = re.compile(r'[;,\t\r\n]"*(?:=|@|[+-][^\d;,\t\r\n"]).{0,60}')
+"""A cell that begins with one, for a program that is set to whatever separator."""
 TEMPORAL = {"date", "time", "datetime-local", "month", "week"}
 
 
@@ -151,6 +153,8 @@ def broken_csv(text: str, address: str) -> Iterator[str]:
         for cell in row:
             if cell.startswith(FORMULA) and len(cell) > 1 and not CELL.fullmatch(cell):
                 yield f"line {number} has a formula: {cell[:60]!r}"
+    if found := FOREIGN.search(text):
+        yield f"a formula where the separators are others: {found[0]!r}"
 
 
 def broken_json(text: str) -> Iterator[str]:

@@ -60,6 +60,7 @@ def test_what_is_wrong_with_a_page_is_seen() -> None:
 def test_what_is_wrong_with_a_file_is_seen() -> None:
     assert not [*broken_csv("\ufeffa;b\r\n-5,5;'=cmd()\r\n-;%\r\n", "/x.csv?locale=hr")]
     assert [*broken_csv("a,b\r\n1,=cmd()\r\n", "/x.csv")] and [*broken_csv('a\tb\r\n"@SUM(A1)"\r\n', "/x.csv")]
+    assert [*broken_csv("a,b\r\n1,x;=1+1\r\n", "/x.csv")] and [*broken_csv('a;b\r\n1;"x\n=1"\r\n', "/x.csv?locale=de")]
     assert [*broken_json('{"a": NaN}')] and [*broken_json("")] and not [*broken_json('{"a": null}')]
 
 

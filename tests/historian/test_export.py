@@ -111,6 +111,11 @@ def test_a_formula_in_a_text_is_only_text() -> None:
             "@x",
             "\t=1",
             "\r=1",
+            "|x",
+            "%x",
+            "%",
+            "a;=1+1",
+            "a,@x",
             "a;b",
             'say "x", please',
             "two\r\nlines",
@@ -122,8 +127,9 @@ def test_a_formula_in_a_text_is_only_text() -> None:
             rows = table(data, locale)
             assert made.rows == len(rows) == len(texts)
             for row in rows:
-                assert not row["value"].startswith(("=", "+", "-", "@", "\t", "\r"))
+                assert not row["value"].startswith(("=", "+", "-", "@", "|", "\t", "\r"))
                 assert row["unit"] == "'=1+1"
+            assert [row["value"] for row in rows[6:11]] == ["'|x", "'%x", "%", "a;'=1+1", "a,'@x"]
             assert [row["value"] for row in rows[-4:]] == ["a;b", 'say "x", please', "two  lines", "Ölstand"]
             for line in csv.reader(io.StringIO(data.decode()), delimiter=FORMATS[locale][0]):
                 assert not any(cell.startswith(("=", "+", "@")) for cell in line)

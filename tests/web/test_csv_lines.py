@@ -66,6 +66,27 @@ def test_a_sign_alone_is_no_formula_and_stays_what_it_is() -> None:
     assert cells(["%", "-", "%x", "=1+1"]) == b"%,-,'%x,'=1+1\r\n"
 
 
+@pytest.mark.parametrize("locale", ["machine", "hr"])
+@pytest.mark.parametrize("delimiter", [";", ",", "\t"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a;=1+1", "a,=1+1", "a\t=1+1", "a;-1+cmd|x", "a,@SUM(A1)", "a;+x", 'a";=1', 'a;"=1"', 'a,""=1', "a\n=1+1", "a\r\n=1+1", ";=1;=2",
+        "=1;=2", "a;%x", "a,|x",
+    ],
+)  # fmt: skip
+def test_no_text_becomes_a_formula_where_the_separators_are_others(text: str, delimiter: str, locale: str) -> None:
+    """A program set to `;` takes a line apart at the `;` in a text that was quoted for `,`."""
+    line = cells(["2026-03-09", text, "x"], locale).decode()
+    seen = [cell.strip('"') for row in line.splitlines() for cell in row.split(delimiter)]
+    assert not [cell for cell in seen if cell.startswith(("=", "+", "-", "@", "|", "%"))], line
+
+
+def test_numbers_and_signs_in_a_text_stay_what_they_are() -> None:
+    for text in ("1,-2.5,3", "a;-;b", "1;-2", "a,%", "a, -b", "5;+3;", "a-b;c=d", "x, =y"):
+        assert cells([text], "machine").decode().strip().strip('"') == text
+
+
 def test_a_number_that_was_kept_as_text_has_the_decimal_sign_of_the_reader() -> None:
     kept = ["30.5", "-2.5", "-3", "0.00001", "007", "1.2.3", "3=7.5", "operator", "", "-", "1e5"]
     assert cells(map(number_in, kept), "hr") == b"30,5;-2,5;-3;0.00001;007;1.2.3;3=7.5;operator;;-;1e5\r\n"
