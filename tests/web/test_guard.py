@@ -16,6 +16,7 @@ from app.access.roles import GUEST, PERMISSIONS, Person, permissions_of
 from app.access.session_times import IDLE_AFTER
 from app.access.signin import HalfIn
 from app.access.tables import factor_table
+from app.access.tokens import GRANTABLE
 from app.clock import ManualClock
 from app.errors import ConfigurationError, StorageError
 from app.main import create_app
@@ -340,6 +341,31 @@ def test_a_token_of_a_program_is_only_good_for_the_api(staff: Staff, live_plant:
     _, secret = staff.wait(staff.access.tokens.create, maker, "MES", ["view", "configure"], 7)
     staff.have()
     assert staff.client.get("/tokens", headers={"Authorization": f"Bearer {secret}"}).status_code == 303
+
+
+@pytest.mark.parametrize("permission", sorted(GRANTABLE))
+def test_a_token_gets_in_exactly_where_its_one_permission_is_asked_for(
+    staff: Staff, live_plant: None, permission: str
+) -> None:
+    """Whatever its maker may do; and where no program is served it is nobody, not its maker."""
+    key = staff.add("toolsmith", "operator", "engineer", "admin")
+    may = permissions_of({"operator", "engineer", "admin"})
+    maker = Person(key, "toolsmith", "", frozenset({"operator", "engineer", "admin"}), may, "")
+    _, secret = staff.wait(staff.access.tokens.create, maker, f"only {permission}", [permission], 7)
+    wrong = []
+    for route, asked in routes().items():
+        method, path = route.split()
+        if method == "LIVE" or asked == "open":
+            continue
+        staff.have()
+        address = re.sub(r"\{[^}]*\}", "987654", path)
+        answer = staff.client.request(method, address, headers={"Authorization": f"Bearer {secret}", "Origin": HOST})
+        turned_away = answer.status_code in (401, 403) or (
+            answer.status_code == 303 and "/signin" in answer.headers["location"]
+        )
+        if turned_away == (path.startswith("/api/") and asked == permission):
+            wrong.append((route, asked, answer.status_code))
+    assert wrong == []
 
 
 # ---- forms of other sites ---------------------------------------------------------------------------------
