@@ -1,6 +1,6 @@
 """`make fuzz`: hostile values into everything that the web house takes, at every plant; what fails is told by few requests.
 
-python -m tools.fuzz [--seeds N] [--seed S] [--first F] [--requests N] [--plant demo,own] [--jobs N]
+python -m tools.fuzz [--seeds N] [--seed S] [--first F] [--requests N] [--plant demo,own] [--about alarms,trends] [--jobs N]
 """
 
 import argparse
@@ -33,10 +33,9 @@ def _number(text: str) -> int | None:
     return int(text) if text else None
 
 
-def _play(given: tuple[int, str, int]) -> tuple[Verdict, list[str]]:
+def _play(given: tuple[int, str, int, tuple[str, ...]]) -> tuple[Verdict, list[str]]:
     """One seed at one plant, and its faults with the requests that show them."""
-    seed, plant, count = given
-    verdict = explore(seed, plant, count)
+    verdict = explore(*given)
     return verdict, [told(verdict, name) for name in list(verdict.faults)[:3]]
 
 
@@ -48,12 +47,14 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--requests", type=int, default=500, help="of each seed at each plant")
     parser.add_argument("--plant", default="", help=f"of {', '.join(PLANTS)}; else all")
     parser.add_argument("--jobs", type=_number, help="processes; as many as cores")
+    parser.add_argument("--about", default="", help="only forms that lead to addresses with one of these in them")
     options = parser.parse_args(arguments)
     plants = options.plant.split(",") if options.plant else PLANTS
     if unknown := set(plants) - set(PLANTS):
         parser.error(f"no plant {', '.join(sorted(unknown))}: expected some of {', '.join(PLANTS)}")
     seeds = [options.seed] if options.seed is not None else range(options.first, options.first + options.seeds)
-    work = [(seed, plant, options.requests) for plant in plants for seed in seeds]
+    about = tuple(filter(None, options.about.split(",")))
+    work = [(seed, plant, options.requests, about) for plant in plants for seed in seeds]
     began, fell, spent, asked, statuses = time.monotonic(), Counter[str](), 0.0, 0, Counter[int]()
     longest: dict[str, tuple[float, str]] = {}
     with get_context("spawn").Pool(options.jobs or len(os.sched_getaffinity(0)), _begin, maxtasksperchild=20) as pool:

@@ -49,7 +49,8 @@ class Page(HTMLParser):
         """Names and values of what elements tell our scripts."""
         self._open: list[Form] = []
         self._by_id: dict[str, Form] = {}
-        self._select: tuple[Form | None, str, list[str], str] | None = None
+        self._select: tuple[Form | None, dict[str, str], list[str], list[str]] | None = None
+        self._area: tuple[Form | None, dict[str, str], list[str]] | None = None
         self._inside = ""
         self._later: list[tuple[str, Field]] = []
         self.feed(text)
@@ -88,18 +89,29 @@ class Page(HTMLParser):
             self._field(tag, given)
         elif tag == "option" and self._select:
             self._select[2].append(given.get("value", ""))
+            if "selected" in given:
+                self._select[3].append(given.get("value", ""))
 
     def handle_endtag(self, tag: str) -> None:
         if tag == "form" and self._open:
             self._open.pop()
         if tag == "select" and self._select:
-            form, name, choices, id = self._select
-            self._put(form, id, Field(name, "choice", choices[0] if choices else "", tuple(choices)))
+            form, given, choices, chosen = self._select
+            value = (chosen or choices or [""])[0]
+            self._put(form, given, Field(given["name"], "choice", value, tuple(choices), "disabled" not in given))
             self._select = None
+        if tag == "textarea" and self._area:
+            form, given, written = self._area
+            text = "".join(written).removeprefix("\n").replace("\r\n", "\n").replace("\n", "\r\n")
+            needed = "required" in given
+            self._put(form, given, Field(given["name"], "text", text, on="disabled" not in given, needed=needed))
+            self._area = None
         if tag == self._inside:
             self._inside = ""
 
     def handle_data(self, data: str) -> None:
+        if self._area:
+            self._area[2].append(data)
         if self._inside and MARK in data:
             self.wrong.append(f"in a {self._inside}: {data[:80]!r}")
 
@@ -113,31 +125,32 @@ class Page(HTMLParser):
                 self.wrong.append(f"{name}={value[:80]!r} leads elsewhere")
 
     def _field(self, tag: str, given: dict[str, str]) -> None:
-        form, id, name, kind = (
-            self._open[-1] if self._open else None,
-            given.get("form", ""),
-            given["name"],
-            given.get("type", "text"),
-        )
+        form, kind = self._open[-1] if self._open else None, given.get("type", "text")
         if tag == "select":
-            self._select = (form, name, [], id)
+            self._select = (form, given, [], [])
             return
+        if tag == "textarea":
+            self._area = (form, given, [])
+            return
+        one_of, on = "", "disabled" not in given
         if kind == "password":
             what = "secret"
         elif kind in ("hidden", "submit") or tag == "button":
-            what = "hidden"
+            what, one_of = "hidden", "" if kind == "hidden" else "button"
         elif kind in ("checkbox", "radio"):
-            what = "ticked"
+            what, one_of, on = "ticked", "radio" if kind == "radio" else "", on and "checked" in given
         elif kind in TEMPORAL:
             what = "time"
         elif kind == "number" or given.get("inputmode") in ("decimal", "numeric"):
             what = "number"
         else:
             what = "text"
-        self._put(form, id, Field(name, what, given.get("value", "")))
+        value, least, most = (given.get(name, "") for name in ("value", "min", "max"))
+        one = Field(given["name"], what, value, (), on, one_of, least, most, "required" in given)
+        self._put(form, given, one)
 
-    def _put(self, form: Form | None, id: str, one: Field) -> None:
-        if id:
+    def _put(self, form: Form | None, given: dict[str, str], one: Field) -> None:
+        if id := given.get("form", ""):
             self._later.append((id, one))
         elif form is not None:
             form.fields.append(one)

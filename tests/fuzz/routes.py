@@ -49,6 +49,8 @@ class Routes:
         """Template → addresses that pages lead to."""
         self.forms: dict[str, dict[str, Form]] = defaultdict(dict)
         """Route → forms that lead there, by their address and fields."""
+        self.where: dict[str, dict[str, None]] = defaultdict(dict)
+        """Route → pages that have a form of it, the last that was seen at the end."""
         self.fields: dict[str, dict[str, Field]] = defaultdict(dict)
         """Template → fields that its handler asks for in its query."""
         self.wanted: dict[str, dict[str, bool]] = defaultdict(dict)
@@ -59,6 +61,8 @@ class Routes:
         self.asking = ""
         """Template of the request that is being answered."""
         self.bodies = _bodies()
+        self._in_forms: set[str] = set()
+        """Names that handlers have asked their forms for: what a script adds, from the data of an element."""
         self._named = {name for _, template, _ in self._patterns for name in PARTS.findall(template)}
 
     def of(self, method: str, address: str) -> str:
@@ -74,8 +78,10 @@ class Routes:
         self.pool = defaultdict(dict, {name: dict(had) for name, had in other.pool.items()})
         self.seen = defaultdict(dict, {name: dict(had) for name, had in other.seen.items()})
         self.forms = defaultdict(dict, {name: dict(had) for name, had in other.forms.items()})
+        self.where = defaultdict(dict, {name: dict(had) for name, had in other.where.items()})
         self.fields = defaultdict(dict, {name: dict(had) for name, had in other.fields.items()})
         self.wanted = defaultdict(dict, {name: dict(had) for name, had in other.wanted.items()})
+        self._in_forms = set(other._in_forms)
         self.kinds, self._by_name = dict(other.kinds), dict(other._by_name)
 
     def learn(self, page: Page, at: str = "/") -> None:
@@ -93,12 +99,17 @@ class Routes:
             if form.method == "GET":
                 self.fields[template] |= {one.name: one for one in form.fields}
                 continue
+            where = self.where[f"POST {template}"]
+            where.pop(at, None)
+            where[at] = None
+            if len(where) > MOST_SEEN:
+                del where[next(iter(where))]
             kept = self.forms[f"POST {template}"]
             shape = f"{form.action} {sorted({one.name for one in form.fields})}"
             if len(kept) < MOST_FORMS or shape in kept:
                 kept[shape] = form
         for name, value in page.data:
-            if name in self._named:
+            if name in self._named or name in self._in_forms:
                 self._pool(name, value)
         self.kinds |= dict.fromkeys(sorted(page.live))
 
@@ -189,6 +200,7 @@ class Routes:
             if len(self.fields[template]) < MOST_FIELDS:
                 self.fields[template].setdefault(name, Field(name, "text"))
         elif len(self.wanted[template]) < MOST_FIELDS:
+            self._in_forms.add(name)
             self.wanted[template][name] = required or self.wanted[template].get(name, False)
 
     def field(self, name: str) -> Field:

@@ -11,6 +11,7 @@ from tests.fuzz.house import PASSWORD, PEOPLE
 from tests.fuzz.pages import Page, broken_csv, broken_json
 from tests.fuzz.trial import explore, known, played, shortened, told
 from tests.fuzz.values import CSRF, FRESH, MARK, NONCE, TEXTS
+from tests.fuzz.walking import Walker
 
 SWEPT = (("epos", 1, 150), ("feeding", 4, 120))
 """Plant, seed, requests."""
@@ -62,6 +63,34 @@ def test_what_is_wrong_with_a_file_is_seen() -> None:
     assert [*broken_csv("a,b\r\n1,=cmd()\r\n", "/x.csv")] and [*broken_csv('a\tb\r\n"@SUM(A1)"\r\n', "/x.csv")]
     assert [*broken_csv("a,b\r\n1,x;=1+1\r\n", "/x.csv")] and [*broken_csv('a;b\r\n1;"x\n=1"\r\n', "/x.csv?locale=de")]
     assert [*broken_json('{"a": NaN}')] and [*broken_json("")] and not [*broken_json('{"a": null}')]
+
+
+FORM = """<form id='f' method='post' action='/alarms/shelve'><input type='hidden' name='csrf' value='c'>
+<input type='radio' name='minutes' value='5'><input type='radio' name='minutes' value='30' checked>
+<input type='checkbox' name='once' value='1' checked><input name='off' value='x' disabled><textarea name='reason'>
+one
+two</textarea><select name='class'><option value='a'><option value='b' selected></select>
+<input type='number' name='n' min='2' max='9'><button name='do' value='add'></button><button name='do' value='cut'></button></form>"""
+
+
+def test_a_form_is_filled_in_as_a_browser_would() -> None:
+    (form,) = Page(FORM).forms
+    walker = Walker(Random(1), None, (), PASSWORD)  # type: ignore[arg-type]  # filling in asks no house
+    for _ in range(50):
+        sent = [(one.name, value) for one, value in walker._filled(form.fields)]
+        names = Counter(name for name, _ in sent)
+        assert names["minutes"] == names["do"] == names["n"] == 1 and not names["off"]
+        assert ("reason", "one\r\ntwo") in sent and dict(sent)["n"] in ("2", "9") and dict(sent)["class"] in "ab"
+
+
+def test_who_goes_to_a_page_and_fills_in_its_form_gets_past_the_door(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.fuzz.walking.BROKEN", 0.0)
+    verdict = explore(3, "feeding", 80, ("definition", "instructor", "lessons"))
+    assert not verdict.faults, "\n\n".join(told(verdict, name) for name in list(verdict.faults)[:3])
+    posts = Counter({status < 400: 0 for status in (200, 400)})
+    for (route, status), number in verdict.statuses.items():
+        posts[status < 400] += number * route.startswith("POST")
+    assert posts[True] > posts[False] and posts[True] > 20
 
 
 def test_a_seed_that_fails_is_told_by_the_one_request_that_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:

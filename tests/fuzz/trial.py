@@ -15,6 +15,7 @@ from tests.fuzz.drawing import Drawer
 from tests.fuzz.house import PASSWORD, PEOPLE, Fault, House, opened
 from tests.fuzz.pages import links_in
 from tests.fuzz.routes import Routes
+from tests.fuzz.walking import Walker
 from tests.shortest import shortest
 
 TRIES = 60
@@ -79,12 +80,24 @@ def known(plant: str) -> Routes:
         return one.routes
 
 
-def explore(seed: int, plant: str, count: int) -> Verdict:
-    """Draw and play `count` requests, then look at everything, before and after a start anew."""
+def explore(seed: int, plant: str, count: int, about: tuple[str, ...] = ()) -> Verdict:
+    """Draw and play some `count` requests, then look at everything, before and after a start anew.
+
+    Half of them are drawn without looking, half are forms of pages with one field that is wrong; `about`: these alone, of such addresses.
+    """
 
     def drawn(one: House) -> Iterator[Request]:
-        drawer = Drawer(Random(f"requests {seed}"), one.routes, tuple(PEOPLE), PASSWORD)
-        return (drawer.request() for _ in range(count))
+        random = Random(f"requests {seed}")
+        drawer, walker = Drawer(random, one.routes, tuple(PEOPLE), PASSWORD), Walker(random, one, about, PASSWORD)
+        asked = 0
+        while asked < count:
+            asked += 1
+            if not about and random.random() < 0.7:
+                yield drawer.request()
+                continue
+            for request in walker.requests():
+                asked += 1
+                yield request
 
     return played(seed, plant, drawn)
 

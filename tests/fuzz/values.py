@@ -202,12 +202,33 @@ class Field:
     value: str = ""
     """What it holds before anybody types."""
     choices: tuple[str, ...] = ()
+    on: bool = True
+    """Whether a browser would send it as the page stands: a box that is ticked, a field that is not switched off."""
+    one_of: str = ""
+    """`radio` or `button`: of all with this name one is sent, or of all of the form one."""
+    least: str = ""
+    most: str = ""
+    """Of a number or a time, as the page says."""
+    needed: bool = False
+    """The browser sends no form without it."""
 
 
 def hostile(random: Random, kind: str) -> str:
     """A value for a field of `kind`; one in five is of another kind."""
     values = KINDS.get(kind) if random.random() < 0.8 else None
     return random.choice(values or random.choice((NUMBERS, TEXTS, TIMES)))
+
+
+def fitting(random: Random, field: Field, password: str) -> str:
+    """What a person might type there so that it is taken: what stands there, or something between the limits that the page names."""
+    if field.kind == "secret":
+        return password
+    if field.choices:
+        return field.value if random.random() < 0.5 else random.choice(field.choices)
+    if field.kind != "number" or (field.value and random.random() < 0.5):
+        return field.value or ("fuzz reason" if field.kind == "text" and field.needed else "")
+    ends = [one for one in (field.least, field.most, field.value) if one]
+    return random.choice(ends) if ends else "1"
 
 
 def tame(random: Random, field: Field, password: str) -> str:
