@@ -296,7 +296,7 @@ async def _page(request: Request, key: str, refused: Refused | None = None) -> R
 
 
 def _said(request: Request, refused: Refused | None) -> str:
-    return view_of(request).text(request, refused.reason, **refused.params) if refused else ""
+    return view_of(request).refusal(request, refused) if refused else ""
 
 
 def _done(request: Request, refused: Refused | None, deeds: Collection[str], item: Equipment | None = None) -> str:
@@ -317,7 +317,7 @@ async def _hands(request: Request, item: Equipment, act: str = "", refused: Refu
         raise HTTPException(404)
     said = view.text(request, "instructor.confirmed", what=_deed(request, item, act)) if act else ""
     if refused:
-        said = view.text(request, refused.reason, **refused.params)
+        said = view.refusal(request, refused)
     one = await look(link_of(request, item), item)
     return view.fragment(
         request,

@@ -255,7 +255,7 @@ async def _page(request: Request, lesson: Lesson, refused: Refused | None = None
         title=view.text(request, "lessons.lesson"),
         kind="lessons",
         up="/lessons",
-        error=view.text(request, refused.reason, **refused.params) if refused else "",
+        error=view.refusal(request, refused) if refused else "",
         **await _drawn(request, lesson),
     )
 

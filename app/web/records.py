@@ -73,7 +73,7 @@ async def page(request: Request, kind: str) -> Response:
     except Refused as refusal:
         if refusal.reason != RANGE:
             raise
-        found = {"problem": view.text(request, refusal.reason, **refusal.params), "export_url": ""}
+        found = {"problem": view.refusal(request, refusal), "export_url": ""}
     item = runtime.plant.equipment.get(typed["equipment"]) if runtime.plant else None
     return view.page(
         request,

@@ -299,7 +299,7 @@ def agent_of(request: Request) -> str:
 
 def explained(request: Request, refused: Refused | None) -> str:
     """Why not, for the person."""
-    return view_of(request).text(request, refused.reason, **refused.params) if refused else ""
+    return view_of(request).refusal(request, refused) if refused else ""
 
 
 def zone_of(request: Request) -> ZoneInfo:

@@ -123,7 +123,7 @@ async def _do(request: Request, given: dict[str, str], work: Callable[[Notes], A
     try:
         new = await work(_notes(request))
     except Refused as refused:
-        problem = view_of(request).text(request, refused.reason, **refused.params)
+        problem = view_of(request).refusal(request, refused)
     return await _drawn(request, asked, problem, given if problem else {}, new)
 
 

@@ -128,7 +128,7 @@ async def _do(
     except Refused as refused:
         if not drawn:
             raise
-        problem, name = view_of(request).text(request, refused.reason, **refused.params), given.get("name", "")
+        problem, name = view_of(request).refusal(request, refused), given.get("name", "")
     if drawn:
         context: dict[str, Any] = {
             "views": await views_of(request),

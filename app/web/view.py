@@ -26,6 +26,7 @@ from starlette.types import Receive, Scope, Send
 from app import bundled
 from app.access.roles import Person, permitted
 from app.clock import to_datetime
+from app.errors import Refused
 from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.said import in_words
 from app.plant.texts import Texts
@@ -161,7 +162,7 @@ class Drawn(HTMLResponse):
             if since >= PIECE:
                 since = 0
                 await asyncio.sleep(0)
-        return "".join(pieces).encode()
+        return "".join(pieces).replace("\x00", "\ufffd").encode()  # a nul that was typed, as a browser would show it
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         self.body = await self.draw()
@@ -233,6 +234,11 @@ class View:
     def text(self, request: HTTPConnection, key: str, /, **params: object) -> str:
         """The product's text `key` in the language of `request`."""
         return self._texts(request).text(language_of(request), key, **params)
+
+    def refusal(self, request: HTTPConnection, refused: Refused) -> str:
+        """Why not, in the language of `request`: what was typed is repeated as it can be read."""
+        written = fmt.parameters(refused.params, language_of(request), partial(self.text, request))
+        return self.text(request, refused.reason, **written)
 
     def languages(self, request: HTTPConnection) -> Sequence[str]:
         """Languages that a person may choose here."""

@@ -36,7 +36,7 @@ class Walker:
         route = random.choice(known)
         who, language = random.choice(WHO), random.choice(LANGUAGES)
         where = random.choice(list(routes.where[route])[-4:])
-        yield Request(who, "GET", where, language=language)
+        yield Request(who, "GET", where, language=language, wait=random.choice((0, 0, 1.5)))
         page = self._one.page
         forms = [form for form in page.forms if self._is_meant(f"POST {form.action}")] if page else []
         meant = [form for form in forms if f"POST {routes.of('POST', form.action)}" == route]
@@ -51,10 +51,10 @@ class Walker:
         pairs = self._filled(form.fields)
         had = {one.name for one in form.fields}
         for name, needed in routes.wanted[routes.of("POST", form.action)].items():
-            here = [value for of, value in data if of == name]  # what a script takes from the element that is pressed
-            if name not in had and name not in MARKS and random.random() < (1.0 if needed else 0.6 if here else 0.1):
-                known = here or list(routes.pool.get(name, ())) or list(WORDS)
-                pairs.append((routes.field(name), random.choice(known)))
+            known = [value for of, value in data if of == name]  # what a script takes from the element that is pressed
+            known = known or list(routes.pool.get(name, ()))
+            if name not in had and name not in MARKS and random.random() < (1.0 if needed else 0.6 if known else 0.1):
+                pairs.append((routes.field(name), random.choice(known or WORDS)))
         if "csrf" not in had:
             pairs.append((Field("csrf", "hidden"), ""))  # htmx sends it in a header
         own = [number for number, (one, _) in enumerate(pairs) if one.name not in MARKS]

@@ -136,6 +136,22 @@ def test_what_the_device_would_not_take_is_refused_with_words(staff: Staff, path
     assert staff.wait(link_of(staff.client).raw_read, 1, training.BASE, 64) == area
 
 
+@pytest.mark.parametrize("sign", ["\x00", "\u202e", "\x1b"])
+@pytest.mark.parametrize(
+    ("path", "data"),
+    [
+        ("fault", {"code": "5{sign}1"}),
+        ("world", {"load": "1{sign}5", "quadratic": "0", "disturbance": "0", "ambient": "20", "supply": "230"}),
+    ],
+)
+def test_what_was_typed_is_repeated_without_signs_that_nobody_can_read(
+    staff: Staff, path: str, data: dict[str, str], sign: str
+) -> None:
+    answer = staff.post(f"/instructor/m1/{path}", {name: text.format(sign=sign) for name, text in data.items()})
+    assert answer.status_code == 422
+    assert sign not in answer.text and "not permitted" in answer.text
+
+
 def test_nothing_is_shown_as_done_that_was_not_read_back(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
     async def lost(unit: int, address: int, words: Any) -> None:
         """A write that nobody acts upon."""

@@ -164,6 +164,13 @@ def test_what_is_no_note_is_refused_in_words_and_stays_in_its_field(
     assert machine != "m1" or '<option value="m1" selected>' in answer.text
 
 
+def test_a_nul_that_was_typed_is_in_no_page(staff: Staff) -> None:
+    answer = write(staff, "a\x00b")
+    assert "needs 1 to 300 characters" in told(answer) and 'value="a\ufffdb"' in answer.text
+    assert "\x00" not in staff.post("/trends/views", {"name": "a\x00b", "view": RANGE}, **HX).text
+    assert "\x00" not in staff.post("/signin", {"name": "a\x00b", "password": "x", "next": "/"}).text
+
+
 def test_an_export_has_the_notes_of_its_time_before_the_values(staff: Staff) -> None:
     write(staff, "=HYPERLINK(1); oiled")
     query = urlencode({"tags": "m1.speed", "from": BEGIN, "to": BEGIN + 3_600_000_000, "locale": "en"})
