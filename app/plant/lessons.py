@@ -27,7 +27,7 @@ Of a type in its folder, `equipment/<type>/lessons/<name>.toml`, for every plant
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from difflib import get_close_matches
 from functools import reduce
 from pathlib import Path
@@ -62,14 +62,17 @@ class LessonFiles:
         self._folder = folder
         self._label = label
         self._sources: list[Source] = []
+        self._used: Collection[str] = ()
 
     @property
     def problems(self) -> list[Problem]:
         """What was wrong."""
         return [problem for source in self._sources for problem in source.problems]
 
-    def read(self, kinds: Mapping[str, EquipmentType]) -> None:
-        """Read the lessons of these types, then the plant's own."""
+    def read(self, kinds: Mapping[str, EquipmentType], used: Collection[str]) -> None:
+        """Read the lessons of these types, then the plant's own. Of types that are `used` and not among them mistakes are told
+        elsewhere: what a lesson names of them is not judged."""
+        self._used = used
         for kind in kinds.values():
             self._read_folder(kind.folder / FOLDER, f"{kind.name}/{FOLDER}", {kind.name: kind}, kind.folder)
         self._read_folder(self._folder / FOLDER, FOLDER, kinds, self._folder, own=True)
@@ -99,7 +102,7 @@ class LessonFiles:
 
     def _lesson(self, name: str, root: Table, kinds: Mapping[str, EquipmentType], *, own: bool) -> Lesson:
         head = root.table("lesson", required=True, expected=said("mistake.lesson_head", table="[lesson]"))
-        kind_name = head.text("type", choices=sorted(kinds)) if own else next(iter(kinds))
+        kind_name = head.text("type", choices=sorted(self._used)) if own else next(iter(kinds))
         kind = kinds.get(kind_name)
         title, about = self._label(head, "title", True), self._label(head, "about", True)
         minutes = head.whole("minutes", 10, low=1, high=240)

@@ -107,7 +107,7 @@ class _PlantReader:
             root, {alarm.alarm_class for item in machines.found.values() for alarm in item.alarms}
         )
         flow = read_flow(root.table("picture"), machines)
-        self._lessons.read(self._types.usable)
+        self._lessons.read(self._types.usable, self._types.asked)
         root.done()
         for item in machines.found.values():
             if item.area not in areas:

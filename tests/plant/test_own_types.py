@@ -159,3 +159,30 @@ def test_an_enumeration_without_a_single_value_is_a_mistake(tmp_path: Path, kind
     (found,) = problems(written(tmp_path, points=f"[weight]\naddress = 1\n{kind}texts = {texts}\n"))
     assert (found.file, found.key, found.value) == ("equipment/scale/points.toml", "weight.texts", texts)
     assert found.expected.startswith("the values of the enumeration with their texts")
+
+
+LESSON = """
+[lesson]
+type = "scale"
+title = "Weigh"
+about = "Weigh it."
+[[steps]]
+title = "Load"
+text = "Put something on it."
+until = "weight > 1"
+"""
+
+
+def test_a_mistake_of_a_type_is_told_and_none_of_a_lesson_about_it(tmp_path: Path) -> None:
+    (tmp_path / "lessons").mkdir()
+    (tmp_path / "lessons" / "weigh.toml").write_text(LESSON, "utf-8")
+    (found,) = problems(written(tmp_path, points='[weight]\naddress = 1\nunits = "kg"\n'))
+    assert (found.file, found.key) == ("equipment/scale/points.toml", "weight.units")
+
+
+def test_a_lesson_about_a_type_that_no_machine_of_the_plant_has_is_a_mistake(tmp_path: Path) -> None:
+    (tmp_path / "lessons").mkdir()
+    (tmp_path / "lessons" / "weigh.toml").write_text(LESSON.replace('"scale"', '"meter"'), "utf-8")
+    (found,) = problems(written(tmp_path))
+    assert (found.file, found.line, found.key) == ("lessons/weigh.toml", 3, "lesson.type")
+    assert str(found).endswith('expected one of scale'), found

@@ -4,6 +4,7 @@ import asyncio
 
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer
 from app.links.conformance.finding import Broken, Skipped, at, refusal, require, several, span
+from app.links.conformance.server import Refusal
 from app.links.conformance.subject import Look, Subject, number
 from app.registers import plc_map
 
@@ -15,6 +16,8 @@ SMALL = 1 << 32
 """Two looks at a number that counts scans or microseconds are never further apart."""
 UNKNOWN_FUNCTION = 65
 """The first that Modbus leaves to users (application protocol 1.1b3, section 5)."""
+MOST_SHOWN = 8
+"""Bytes of an answer that is told as it came."""
 BEYOND = 0xDFFF
 """A register behind the last row of every map and before the training registers."""
 TRAINING_FLAG = 1
@@ -204,8 +207,8 @@ async def training(subject: Subject) -> None:
 
 async def functions(subject: Subject) -> None:
     """A function that is not served is refused with 01."""
-    code = await _exception_of(subject, bytes((UNKNOWN_FUNCTION, 0)), f"{UNKNOWN_FUNCTION}")
-    require(code == 1, f"{UNKNOWN_FUNCTION}: {_told(code)}", "exception 01")
+    came = await _refusal_of(subject, bytes((UNKNOWN_FUNCTION, 0)), f"{UNKNOWN_FUNCTION}")
+    require(came.code == 1, f"{UNKNOWN_FUNCTION}: {_told(came)}", "exception 01")
 
 
 async def counts(subject: Subject) -> None:
@@ -213,22 +216,22 @@ async def counts(subject: Subject) -> None:
     wrong = []
     for count in (0, 126):
         try:
-            code = await subject.server.exception_of_read(plc_map.HEADER, count)
+            came = await subject.server.refusal_of_read(plc_map.HEADER, count)
         except NoAnswer:
             wrong.append(f"0x0000 + {count}: {{no_answer}}")
             continue
-        if code != 3:
-            wrong.append(f"0x0000 + {count}: {_told(code)}")
+        if came.code != 3:
+            wrong.append(f"0x0000 + {count}: {_told(came)}")
     require(not wrong, several(wrong), "exception 03")
 
 
 async def beyond(subject: Subject) -> None:
     """What lies behind the last row of the map is not there."""
     try:
-        code = await subject.server.exception_of_read(BEYOND, 1)
+        came = await subject.server.refusal_of_read(BEYOND, 1)
     except NoAnswer as error:
         raise Broken(f"0x{BEYOND:04X}: {{no_answer}}", "exception 02") from error
-    require(code == 2, f"0x{BEYOND:04X}: {_told(code)}", "exception 02")
+    require(came.code == 2, f"0x{BEYOND:04X}: {_told(came)}", "exception 02")
 
 
 async def telegram(subject: Subject) -> None:
@@ -243,15 +246,18 @@ async def timing(subject: Subject) -> None:
     require(server.slowest <= limit, seen, f"≤ {limit * 1000:.0f} ms")
 
 
-async def _exception_of(subject: Subject, pdu: bytes, what: str) -> int:
+async def _refusal_of(subject: Subject, pdu: bytes, what: str) -> Refusal:
     try:
-        return await subject.server.exception_of(pdu)
+        return await subject.server.refusal_of(pdu)
     except NoAnswer as error:
         raise Broken(f"{what}: {{no_answer}}", "exception 01") from error
 
 
-def _told(code: int) -> str:
-    return f"exception {code:02d}" if code else "✓"
+def _told(came: Refusal) -> str:
+    """What is neither a refusal of the request nor an answer to it stands there byte by byte."""
+    if came.code:
+        return f"exception {came.code:02d}"
+    return "✓" if came.answered else came.answer[:MOST_SHOWN].hex(" ").upper() or "–"
 
 
 def _swapped(word: int) -> int:

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 from struct import pack
+from typing import NamedTuple
 
 from app.errors import BadAnswer
 from app.registers.pdu import READ_HOLDING, WRITE_MULTIPLE, Request, build_request, parse_answer
@@ -14,6 +15,20 @@ Raises:
     NoAnswer: silence.
     NotConnected: the connection is gone.
 """
+
+EXCEPTION = 0x80
+"""Set in the function of an answer that refuses."""
+
+
+class Refusal(NamedTuple):
+    """What came to a request that has to be refused."""
+
+    code: int
+    """Exception code; 0 = it was no refusal of this request."""
+    answered: bool
+    """It was taken as any other."""
+    answer: bytes
+    """The PDU that came."""
 
 
 class Server:
@@ -44,18 +59,19 @@ class Server:
         """
         await self._ask(Request(function, write_address=address, words=tuple(words)), address)
 
-    async def exception_of(self, pdu: bytes) -> int:
-        """Exception code that a request earns that no well-behaved host sends; 0 = it was answered.
+    async def refusal_of(self, pdu: bytes) -> Refusal:
+        """What a request earns that no well-behaved host sends.
 
         Raises:
             NoAnswer: silence.
         """
         answer = await self._exchange(pdu)
-        return answer[1] if len(answer) == 2 and answer[0] == pdu[0] | 0x80 else 0
+        refused = len(answer) == 2 and answer[0] == pdu[0] | EXCEPTION
+        return Refusal(answer[1] if refused else 0, answer[:1] == pdu[:1], answer)
 
-    async def exception_of_read(self, address: int, count: int) -> int:
-        """Exception code for a read of any `count`, one that is not allowed included; 0 = it was answered."""
-        return await self.exception_of(pack(">BHH", READ_HOLDING, address, count))
+    async def refusal_of_read(self, address: int, count: int) -> Refusal:
+        """The same of a read of any `count`, one that is not allowed included."""
+        return await self.refusal_of(pack(">BHH", READ_HOLDING, address, count))
 
     async def _ask(self, request: Request, address: int) -> list[int]:
         loop = asyncio.get_running_loop()

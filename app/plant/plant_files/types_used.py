@@ -98,6 +98,11 @@ class TypesUsed:
         return list({(doubt.file, doubt.key): doubt for doubt in reversed(told)}.values())[::-1]
 
     @property
+    def asked(self) -> frozenset[str]:
+        """Those that were asked for, with problems or without."""
+        return frozenset(self._read)
+
+    @property
     def usable(self) -> Mapping[str, EquipmentType]:
         """Those that were asked for and have no problems."""
         return {name: data.type for name, data in self._read.items() if data is not None}

@@ -177,6 +177,16 @@ class AnswersAnyFunction(Faulty):
         return pdu if pdu[0] == 65 else answer
 
 
+def refuses_nothing(request: bytes) -> type[Faulty]:
+    """A server that refuses what begins with `request` as function 0, as one of pymodbus 3.16 does with all that it does not decode."""
+
+    class RefusesNothing(Faulty):
+        def wire(self, pdu: bytes, answer: bytes) -> bytes:
+            return b"\x80\x01" if pdu.startswith(request) else answer
+
+    return RefusesNothing
+
+
 class Refuses(Faulty):
     """Answers requests that `which` names with the exception `code`."""
 
@@ -382,8 +392,11 @@ BREAKS: list[tuple[str, str, Callable[[Bus, int], Faulty], str]] = [
     ("scan_time", "last longer than longest", put({16: 500, 17: 100}), "0x0010 = 500"),
     ("training", "flag of a real one", put({6: 2}), "0x0006 = 2"),
     ("functions", "answers 65", AnswersAnyFunction, "65: ✓"),
+    ("functions", "refuses function 0", refuses_nothing(b"A"), "65: 80 01"),
+    ("counts", "refuses function 0", refuses_nothing(b"\x03\0\0\0\x7e"), "0x0000 + 126: 80 01"),
     ("counts", "126 is an address", WrongCountIsAddress, "126: exception 02"),
     ("beyond", "answers everything", AnswersEverything, "0xDFFF: ✓"),
+    ("beyond", "refuses function 0", refuses_nothing(b"\x03\xdf\xff"), "0xDFFF: 80 01"),
     ("images", "at most 60 words", SmallImages, "0x0100–0x015F: exception 03"),
     ("generation", "ends with another", put({STATUS + 95: lambda word: word + 2}), "0x015F"),
     ("generation", "odd", put({CONFIGURATION: 3, CONFIGURATION + 63: 3}), "0x0180 = 3"),

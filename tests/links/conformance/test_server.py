@@ -28,7 +28,8 @@ async def test_exceptions_are_told_by_their_code() -> None:
         return bytes((pdu[0] | 0x80, 3)) if pdu[0] == 3 and pdu[-1] == 126 else b"\x03\x02\x00\x00"
 
     server = Server(exchange)
-    assert (await server.exception_of_read(0, 126), await server.exception_of_read(0, 1)) == (3, 0)
+    refused, taken = await server.refusal_of_read(0, 126), await server.refusal_of_read(0, 1)
+    assert (refused.code, refused.answered, taken.code, taken.answered) == (3, False, 0, True)
 
     async def refusing(pdu: bytes) -> bytes:
         return bytes((pdu[0] | 0x80, 2))
