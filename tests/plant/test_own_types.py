@@ -185,4 +185,4 @@ def test_a_lesson_about_a_type_that_no_machine_of_the_plant_has_is_a_mistake(tmp
     (tmp_path / "lessons" / "weigh.toml").write_text(LESSON.replace('"scale"', '"meter"'), "utf-8")
     (found,) = problems(written(tmp_path))
     assert (found.file, found.line, found.key) == ("lessons/weigh.toml", 3, "lesson.type")
-    assert str(found).endswith('expected one of scale'), found
+    assert str(found).endswith("expected one of scale"), found
