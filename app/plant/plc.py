@@ -36,11 +36,12 @@ The points that they lie on are read in plant/type_files/tables.py.
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from app.plant.definitions import Device, Image, PlcMap, Register, Scan, TableMap
+from app.plant.definitions import Device, Image, PlcMap, Register, Scan, TableMap, Type
 from app.plant.said import Plain, said
 from app.plant.tables import MISSING, Table, one_of
 from app.records.event import WORDS
 from app.records.snapshot import PARTS, TYPES, Field, Layout, words_of
+from app.registers import plc_map
 from app.registers.plc_map import MINOR, TABLE_HEAD
 
 KEY = r"[a-z][a-z0-9_]*"
@@ -49,9 +50,12 @@ MOST_WORDS = 125
 """Registers of one telegram: no image and no row is cut by one."""
 WRITE_SEVERAL = 16
 """Function code that commands and setpoints are sent with."""
+AROUND_SETTINGS = 3
+"""Words of a settings image around its values: generation, count, generation."""
 SMALLEST_ROW = 5
 """Id of two words, generation, state, generation."""
 MOST_SLOTS = 10_000
+NO_STATES = (Type.BIT, Type.F32, Type.F64, Type.STRING)
 OF_EVENT = ("event", "limit", "source", "value")
 """Names that the parameters of an alarm have beside those of the snapshot."""
 HEAD_POINTS: Mapping[str, int] = {"generation": 0, "capacity": 1, "count": 2}
@@ -76,19 +80,41 @@ def read_plc(head: Table, device: Device) -> PlcMap | None:
         status=table.text("status", "", pattern=KEY, expected=said("mistake.status_point")),
         events=table.flag("events"),
     )
-    whole = [*images, *([settings] if settings else [])]
-    for index, image in enumerate(whole):
-        for other in whole[:index]:
-            if image.address < other.address + other.words and other.address < image.address + image.words:
-                table.note(
-                    "images",
-                    f"0x{image.address:04X}",
-                    said("mistake.image_free", address=f"0x{other.address:04X}"),
-                )
+    _check_areas(table, plc, device)
     if device.max_write < 16 or WRITE_SEVERAL not in device.write_functions:
         table.note("", "max_write / write_functions", said("mistake.takes_16"))
     table.done()
     return plc
+
+
+def _check_areas(table: Table, plc: PlcMap, device: Device) -> None:
+    """No two areas share registers, none lies on those that every map has in the same place, and one telegram takes an image whole."""
+    areas = [("images", image) for image in plc.images]
+    if plc.settings:
+        areas.append(("settings", plc.settings))
+    for key, image in areas:
+        if image.words > device.max_read:
+            table.note(key, image.words, said("mistake.image_read", most=device.max_read))
+    if plc.settings and table.has("staging"):
+        areas.append(("staging", Image(plc.staging, max(1, plc.settings.words - AROUND_SETTINGS))))
+    fixed = [Image(plc_map.HEADER, plc_map.HEADER_WORDS), Image(plc_map.COMMAND, plc_map.COMMAND_WORDS)]
+    fixed += [Image(plc_map.ANSWERS, plc_map.ANSWERS_WORDS), Image(plc_map.HOLD, plc_map.HOLD_WORDS)]
+    fixed += [Image(plc_map.EVENTS, plc_map.EVENTS_END - plc_map.EVENTS)] if plc.events else []
+    for index, (key, image) in enumerate(areas):
+        for _, other in areas[:index]:
+            if _meet(image, other):
+                shown = "images" if key == "settings" else key
+                table.note(
+                    shown, f"0x{image.address:04X}", said("mistake.image_free", address=f"0x{other.address:04X}")
+                )
+        for other in fixed:
+            if _meet(image, other):
+                first, last = f"0x{other.address:04X}", f"0x{other.address + other.words - 1:04X}"
+                table.note(key, f"0x{image.address:04X}", said("mistake.map_free", first=first, last=last))
+
+
+def _meet(one: Image, other: Image) -> bool:
+    return one.address < other.address + other.words and other.address < one.address + one.words
 
 
 def _image(table: Table) -> Image:
@@ -225,6 +251,9 @@ def check_points(head: Table, plc: PlcMap, points: Mapping[str, Register | None]
     table = head.table("plc")
     if plc.status and plc.status not in points:
         table.note("status", plc.status, said("mistake.status_known", known=one_of(sorted(points), plc.status)))
+    state = points.get(plc.status)
+    if state is not None and (state.words > 1 or state.type in NO_STATES):
+        table.note("status", plc.status, said("mistake.status_number"))
     if plc.events and not events:
         table.note("events", Plain("true"), said("mistake.event_keys", table="[events]"))
     images = [*plc.images, *([plc.settings] if plc.settings else [])]
@@ -237,6 +266,12 @@ def check_points(head: Table, plc: PlcMap, points: Mapping[str, Register | None]
             ]
             if any(inside) and not all(inside):
                 table.note("images", f"0x{image.address:04X}", said("mistake.image_whole", point=key))
+
+
+def fixed_words(image: Image, *, settings: bool) -> Sequence[int]:
+    """Addresses of `image` that hold no value: its generation, and the count of settings."""
+    first = [image.address, image.address + 1] if settings else [image.address]
+    return [*first, image.address + image.words - 1]
 
 
 def inside(image: Image | None, register: Register | None) -> bool:

@@ -63,7 +63,7 @@ from app.plant.type_files.options import read_checks as read_option_checks
 from app.plant.type_files.options import read_options
 from app.plant.type_files.orders import read_orders
 from app.plant.type_files.points import Points
-from app.plant.type_files.registers import check_registers, check_telegrams
+from app.plant.type_files.registers import check_generations, check_registers, check_telegrams
 from app.plant.type_files.repeats import Repeats, read_repeats, written_out
 from app.plant.type_files.sentences import Sentences
 from app.plant.type_files.setpoints import read_setpoints
@@ -301,6 +301,8 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     check_telegrams(points.found.values(), device, files.sources)
     if device.plc:
         plc.check_points(head, device.plc, registers_of, tuple(events))
+        if not head.source.problems:  # of an image that is wrong it would tell what follows from it
+            check_generations(points.found.values(), device.plc, files.sources)
     kind = EquipmentType(
         name=name,
         folder=files.folder,

@@ -64,6 +64,8 @@ EVENTS_WORDS = 10
 AT_OLDEST, AT_NEWEST, AT_ACKNOWLEDGED = 3, 5, 7
 """Words of the head of the ring; the acknowledged sequence is written by the host."""
 EVENT_ROWS = 0x0410
+EVENTS_END = 0x0800
+"""Behind the last row of the ring."""
 EVENT_WORDS = 17
 LEAST_EVENT_WORDS = 16
 """Of a device of map 1.0: its events do not say which command caused them. Words behind those that we know are ignored."""

@@ -166,6 +166,30 @@ MISTAKES = [
     ("device", "words = 16 }]", "words = 16 }, { address = 0x10F, words = 9 }]", "plc.images", "does not use"),
     ("device", "words = 16 }]", "words = 5 }]", "plc.images", "length lies in or outside"),
     ("device", "staging = 0x0240", "", "plc.staging", "a whole number"),
+    ("device", "max_write = 123", "max_write = 123\nmax_read = 12", "plc.images", "at most 12 words (`max_read`)"),
+    ("device", "0x0200, words", "0x0108, words", "plc.images", "the image at 0x0100 does not use"),
+    ("device", "staging = 0x0240", "staging = 0x0204", "plc.staging", "the image at 0x0200 does not use"),
+    ("device", "staging = 0x0240", "staging = 0x010F", "plc.staging", "the image at 0x0100 does not use"),
+    ("device", "staging = 0x0240", "staging = 0x001F", "plc.staging", "other than 0x0000–0x001F"),
+    ("device", "staging = 0x0240", "staging = 0x030C", "plc.staging", "other than 0x0300–0x030F"),
+    ("device", "staging = 0x0240", "staging = 0x0360", "plc.staging", "other than 0x0320–0x0361"),
+    ("device", "staging = 0x0240", "staging = 0x0383", "plc.staging", "other than 0x0380–0x0383"),
+    ("device", "staging = 0x0240", "staging = 0x07FF", "plc.staging", "other than 0x0400–0x07FF"),
+    ("device", 'status = "state"', 'status = "length"', "plc.status", "one register with a whole number"),
+    ("points", "address = 0x0101", "address = 0x0100", "state.address", "other than 0x0100"),
+    ("points", "address = 0x0103", "address = 0x010F", "count.address", "other than 0x010F"),
+    ("setpoints", "address = 0x0202", "address = 0x0201", "speed.address", "other than 0x0201"),
+    ("points", "address = 0x0204", "address = 0x0206", "delay.address", "other than 0x0207"),
+    ("commands", "code = 2", "code = 1", "stop.code", "no other command has: it is that of start"),
+    ("commands", "code = 4", "code = 0xF0", "clear.code", "makes staged settings valid"),
+    (
+        "commands",
+        "hold_bits = 1",
+        "hold_bits = 1\nfeedback = 'moving == 1'\n[jog2]\nhold = true\nhold_bits = 1",
+        "jog2.hold_bits",
+        "it is that of jog",
+    ),
+    ("commands", 'type = "u32", low = 1', 'type = "u32", low = 1, high = 0', "edit.arguments.0.low", "low <= high"),
     ("device", "max_write = 123", "max_write = 15", "plc", "function 16"),
     ("device", "write_functions = [6, 16]", "write_functions = [6]", "plc", "function 16"),
     ("tables", "row = 16", 'row = 16\nscan = "once"', "product.scan", "one of fast, slow"),
@@ -193,6 +217,17 @@ def test_a_mistake_is_named(tmp_path: Path, file: str, old: str, new: str, key: 
     found = problem(tmp_path, file, old, new)
     assert found.key == key
     assert expected in found.expected
+
+
+def test_request_bits_that_cannot_be_are_told_alone(tmp_path: Path) -> None:
+    _, problems = load(tmp_path, commands=FILES["commands.toml"].replace("hold_bits = 1", "hold_bits = 0x10000"))
+    assert [found.key for found in problems] == ["jog.hold_bits"]
+
+
+def test_of_one_code_may_be_two_commands_that_ask_for_arguments(tmp_path: Path) -> None:
+    again = '[edit_again]\ncode = 6\nmoves = false\narguments = [{ name = "head", low = 0, high = 1 }]\n'
+    plant, problems = load(tmp_path, commands=FILES["commands.toml"] + again)
+    assert plant, problems
 
 
 def test_more_than_four_arguments_do_not_fit(tmp_path: Path) -> None:

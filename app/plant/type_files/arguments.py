@@ -29,6 +29,9 @@ def read_arguments(table: Table, sentences: Sentences) -> Iterator[Argument]:
 def _argument(name: str, row: Table, sentences: Sentences) -> Argument:
     kind = Type(row.text("type", Type.F32.value, choices=[kind.value for kind in TYPES]))
     low, high = (_limit(row, bound, sentences) for bound in ("low", "high"))
+    least, most = row.data.get("low"), row.data.get("high")
+    if is_number(least) and is_number(most) and least > most:
+        row.note("low", least, said("mistake.pair", pair="low, high", order="low <= high"))
     decimals = row.whole("decimals", 0, 0, 6)
     if decimals and kind is not Type.F32:
         row.note("decimals", decimals, said("mistake.for_type", what=0, type=kind))

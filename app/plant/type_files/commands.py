@@ -12,10 +12,13 @@ from app.plant.type_files.names import ROLES
 from app.plant.type_files.options import Options
 from app.plant.type_files.sentences import Sentences, names_in, needs_argument, read_values
 from app.registers.codec import raw_limits
+from app.registers.plc_map import COMMIT_SETTINGS
 from app.registers.register import REALS
 
 LEVELS = ("C0", "C1", "C2", "C3", "C4")
 SPECIAL_VALUES = ("argument", "previous")
+ORDERS = ("code", "hold_bits")
+"""What a command of a Pogon PLC is sent as, instead of `writes`."""
 ROUNDING = 1e-6
 """How far a number may be from a step of its register, in steps: 0.3 is no multiple of 0.1 to a computer."""
 
@@ -38,7 +41,18 @@ class CommandReader:
             first = next((other for other in found if found[other].stop), key)
             if command.stop and first != key:
                 table.note("stop", "true", said("mistake.one_stop", first=first))
+            self._check_once(table, command, found)
         return found
+
+    def _check_once(self, table: Table, command: Command, found: Mapping[str, Command]) -> None:
+        """What is sent the same is one command: another Stop would start. With arguments it may be two, who ask for different ones."""
+        for name in ORDERS:
+            number = getattr(command, name)
+            for other in found.values() if number else ():
+                same = other is not command and getattr(other, name) == number
+                if same and not (command.arguments and other.arguments):
+                    table.note(name, number, said("mistake.order_once", other=other.key))
+                    break
 
     def _command(self, key: str, table: Table) -> Command:
         timeout = self._timeout(table)
@@ -111,7 +125,7 @@ class CommandReader:
 
     def _check(self, table: Table, command: Command) -> None:
         """What of the row does not go together."""
-        ordered = bool(command.code or command.hold_bits)
+        ordered = any(table.has(name) for name in ORDERS)  # also with a number that cannot be
         if command.feedback:
             self.sentences.add(table, "feedback", command.feedback, argument=not ordered)
             self._check_is_read(table, command.feedback)
@@ -124,7 +138,8 @@ class CommandReader:
             )
             table.note("writes", MISSING, writes)
         if not ordered and command.hold != bool(command.release):
-            table.note("release", command.release, said("mistake.release"))
+            found = said("mistake.given") if command.release else MISSING
+            table.note("release", found, said("mistake.release"))
         if command.released:
             self.sentences.add(table, "released", command.released)
             if not command.hold:
@@ -182,9 +197,11 @@ class CommandReader:
         name = "code" if command.code else "hold_bits"
         if self.map is None:
             table.note(name, getattr(command, name), said("mistake.plc_takes", table="[plc]", file="device.toml"))
+        if command.code == COMMIT_SETTINGS:
+            table.note("code", f"0x{command.code:04X}", said("mistake.code_of_set"))
         if command.code and command.hold_bits:
             table.note("hold_bits", command.hold_bits, said("mistake.either", first="`code`", second="`hold_bits`"))
-        if bool(command.hold_bits) != command.hold:
+        if table.has("hold_bits") != command.hold:
             table.note("hold", str(command.hold).lower(), said("mistake.hold_with", key="`hold_bits`"))
         for given in ("writes", "release", "argument"):
             if getattr(command, given):

@@ -6,7 +6,8 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from app.plant.definitions import Device, Order, Register, Scan, Type
+from app.plant import plc
+from app.plant.definitions import Device, Order, PlcMap, Register, Scan, Type
 from app.plant.said import said
 from app.plant.tables import Source, Table
 from app.plant.type_files.data import PointData
@@ -139,6 +140,21 @@ def check_registers(points: Iterable[PointData], sources: Sequence[Source]) -> N
                 expected = said(f"mistake.{key}", other=other.point.key)
                 _file_of(data, sources).note(f"{data.point.key}.address", f"0x{register.address:04X}", expected)
                 break
+
+
+def check_generations(points: Iterable[PointData], map: PlcMap, sources: Sequence[Source]) -> None:
+    """No point lies on a word of an image that is its generation, or the count of settings; noted in the file of the point."""
+    images = [(image, False) for image in map.images] + ([(map.settings, True)] if map.settings else [])
+    taken = {address for image, settings in images for address in plc.fixed_words(image, settings=settings)}
+    for data in points:
+        register = None if data.part else data.point.register
+        if register is None or register.table != "holding":
+            continue
+        met = sorted(taken.intersection(range(register.address, register.address + register.words)))
+        if met:
+            words = ", ".join(f"0x{address:04X}" for address in met)
+            expected = said("mistake.generation_free", words=words)
+            _file_of(data, sources).note(f"{data.point.key}.address", f"0x{register.address:04X}", expected)
 
 
 def check_telegrams(points: Iterable[PointData], device: Device, sources: Sequence[Source]) -> None:
