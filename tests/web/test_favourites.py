@@ -1,6 +1,7 @@
 """Each person marks pages with a star: they stand in the menu and first in the search, and outlive the server."""
 
 import re
+from dataclasses import replace
 
 import pytest
 from fastapi.testclient import TestClient
@@ -97,3 +98,41 @@ def test_a_page_that_says_what_is_wrong_has_no_star(staff: Staff) -> None:
     ana = Operator(staff, "ana", ("operator",))
     wrong = ana.get("/audit?since=yesterday", fragment=False)
     assert (wrong.status_code, pressed(wrong.text)) == (422, "none")
+
+
+def gone_in_menu(page: str) -> list[tuple[str, str]]:
+    """Address and name of what is listed as gone."""
+    menu = re.search(r'<div id="favourites"[^>]*>(.*?)</div>', page, re.DOTALL)
+    assert menu
+    return re.findall(
+        r'name="at" value="([^"]*)"><span class="grow"><span hx-ignore>([^<]*)</span>\s*<small>no longer', menu[1]
+    )
+
+
+def test_a_machine_that_was_taken_out_of_the_plant_is_told_in_the_menu_until_it_is_removed_there(
+    staff: Staff, demo: TestClient
+) -> None:
+    una, runtime = Operator(staff, "una", ("operator",)), staff.client.app.state.runtime  # type: ignore[attr-defined]
+    for at in ("/equipment/m2", "/equipment/a1/page/words", "/trends"):
+        assert una.post("/favourites", at=at, on="1").status_code == 200
+    assert gone_in_menu(una.get("/alarms", fragment=False).text) == []
+    whole = runtime.plant
+    try:
+        runtime.plant = replace(
+            whole, equipment={key: one for key, one in whole.equipment.items() if key not in ("m2", "a1")}
+        )
+        page = una.get("/alarms", fragment=False).text
+        assert in_menu(page) == ["/trends"]
+        assert gone_in_menu(page) == [
+            ("/equipment/m2", "Fan 2 · m2 · Frequency converter EURA E800"),
+            ("/equipment/a1/page/words", "Words and faults · Axis 1 · a1"),
+        ]
+        answer = una.post("/favourites", at="/equipment/m2", on="")
+        assert (answer.status_code, len(gone_in_menu(answer.text)), in_menu(answer.text)) == (200, 1, ["/trends"])
+        sent = staff.post(
+            "/favourites", {"at": "/equipment/a1/page/words", "on": ""}, **{"Sec-Fetch-Site": "same-origin"}
+        )
+        assert (sent.status_code, sent.headers["location"]) == (303, "/"), "where it was is no page any more"
+        assert gone_in_menu(una.get("/alarms", fragment=False).text) == []
+    finally:
+        runtime.plant = whole
