@@ -219,13 +219,13 @@ class Runtime:
         self.links.update(next_links({}, plant, self.sim.buses if self.sim else {}, self._link))
         self._configure(parts)
         await self.alarms.look_in_turns()
-        self.gate = self._make_gate(parts.machines)
+        self.gate = self._make_gate(parts.machines, plant.timezone)
         await self.command_ends.resume(self.gate, plant)
         self._tasks.follow_commands(self.gate.run)
         self._tasks.run(self.sim, self.links)
         await self.modbus.open(self.sim)
 
-    def _make_gate(self, machines: Mapping[str, Machine]) -> Gate:
+    def _make_gate(self, machines: Mapping[str, Machine], timezone: str) -> Gate:
         gate = Gate(
             self.tags,
             self.clock,
@@ -236,7 +236,7 @@ class Runtime:
             rights=lambda person: person if is_sequence(person) else self.access.current(person),
             foretell=self.command_ends.foretell,
         )
-        gate.take(machines)
+        gate.take(machines, timezone)
         gate.subscribe(self._operated.changed)
         gate.subscribe_ends(self.command_ends.ended)
         gate.subscribe_ends(self.classroom.ended)
@@ -349,7 +349,7 @@ class Runtime:
         for name, link in self.links.items():
             link.renew(new.plant.on_link(name), new.stations.get(name))
         if self.gate is not None:
-            self.gate.take(parts.machines)
+            self.gate.take(parts.machines, new.plant.timezone)
         self.recorder.follow(self.points.values(), new.numbers)
         self._numbers = new.numbers
         self.modbus.follow(new.sim)

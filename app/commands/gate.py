@@ -18,10 +18,11 @@ sent first. Nothing here knows an equipment type.
 import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
+from zoneinfo import ZoneInfo
 
 from app import chance
 from app.access.roles import Person, Rights
-from app.clock import Clock
+from app.clock import Clock, local_day
 from app.commands import interlocks, value_set
 from app.commands.admission import Admission
 from app.commands.command_state import CommandState, machines_of
@@ -90,6 +91,8 @@ class Gate:
         self.hold = state.hold
         self.nonces = self._admission.nonces
         self._looked = float("-inf")
+        self._zone = ZoneInfo("UTC")
+        self._day = local_day(clock.micros(), self._zone)
 
     @property
     def dry_run(self) -> bool:
@@ -98,13 +101,16 @@ class Gate:
 
     def configure(self, plant: Plant) -> None:
         """As `take`, of a plant that nobody has looked at yet."""
-        self.take(machines_of(plant))
+        self.take(machines_of(plant), plant.timezone)
 
-    def take(self, machines: Mapping[str, Machine]) -> None:
+    def take(self, machines: Mapping[str, Machine], timezone: str) -> None:
         """Take the machines of a plant (`command_state.machines_of`), also after a reload.
 
-        What is pending goes on for a machine that stays; for one that goes it is superseded.
+        What is pending goes on for a machine that stays; for one that goes it is superseded. At midnight in `timezone` (IANA name) every
+        machine is told of: what was yesterday says its day from then on.
         """
+        self._zone = ZoneInfo(timezone)
+        self._day = local_day(self._state.clock.micros(), self._zone)
         former = self._state.configure(machines)
         for machine in former:
             self._sets.stop(machine, "why.reloaded")
@@ -296,9 +302,12 @@ class Gate:
                 self._following.follow(machine, machine.job, now)
         if now - self._looked >= LOOK:
             self._looked = now
+            another_day = not self._day[0] <= self._state.clock.micros() < self._day[1]
+            if another_day:
+                self._day = local_day(self._state.clock.micros(), self._zone)
             for machine in self._state.machines.values():
                 writer = self._state.writers.get(machine.item.link)
-                if self._state.readings.watch(machine, paused=writer is not None and writer.paused):
+                if self._state.readings.watch(machine, paused=writer is not None and writer.paused) or another_day:
                     self._state.changed(machine.item.id)
         self._state.tell_changed(now)
 

@@ -1,7 +1,10 @@
 """The gate: who may, what is possible, what happened. Every machine here is fake; test_gate_e800.py has the virtual drive."""
 
+from datetime import UTC, datetime
+
 import pytest
 
+from app.clock import to_datetime
 from app.commands.gate import Question
 from app.commands.lifecycle import ProgressState
 from app.errors import NoAnswer, Refused
@@ -132,3 +135,21 @@ async def test_a_start_over_a_table_of_bad_values_never_writes() -> None:
         stand.tags.publish(Batch("link.hall", 99, 1, 1, [stand.tags.handle(f"m1.{key}")], [None], GOOD | 2))
         assert (await refusal(stand, ANA, "forward")).reason == "why.bad_value"
         assert stand.link.writes == []
+
+
+async def test_at_midnight_of_the_plant_every_machine_is_told_of_so_that_what_was_yesterday_says_its_day() -> None:
+    """In the zone of the plant, where it is an hour later than UTC; before midnight and after it nothing is told by itself."""
+    stand, told = Stand(), list[str]()
+    assert stand.plant.timezone == "Europe/Zagreb"
+    stand.gate.subscribe(told.append)
+    stand.clock.advance(
+        (datetime(2026, 3, 9, 22, 59, 50, tzinfo=UTC) - to_datetime(stand.clock.micros())).total_seconds()
+    )
+    for _ in range(8):  # what became stale is told of
+        stand.clock.advance(0.5)
+        stand.gate.tick()
+    for seconds, expected in ((5, []), (2, sorted(stand.plant.equipment)), (2, []), (3600, [])):
+        told.clear()
+        stand.clock.advance(seconds)
+        stand.gate.tick()
+        assert sorted(told) == expected, f"{seconds} s later"

@@ -64,6 +64,6 @@ async def test_a_machine_that_went_with_a_reload_is_not_read() -> None:
     await settle()
     await stand.ask(EVA, "forward")
     before = read(stand)
-    stand.gate.take({})
+    stand.gate.take({}, "UTC")
     await stand.pass_time(WHEN[-1])
     assert read(stand) == before
