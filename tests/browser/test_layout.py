@@ -173,6 +173,7 @@ STACKED = (
     "/account",
     "/users",
     "/storage",
+    "/trends?tags=m1.speed,m1.frequency_setpoint,c1.speed_1&span=10m",
 )
 
 
