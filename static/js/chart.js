@@ -204,7 +204,7 @@ export class Chart {
   margins(width, scales) {
     if (this.mini) return [22, 26];
     const widths = this.shown().map((pen) => Math.max(this.measured(pen.label, 13, true), this.measured(pen.machine, 12)));
-    return [scales.length > 1 ? 40 : 26, width < NARROW ? 24 : Math.min(Math.ceil(Math.max(40, ...widths)) + 52, Math.floor(width * 0.24))];
+    return [scales.length > 1 ? 40 : 26, width < NARROW ? 24 : Math.min(Math.ceil(Math.max(40, ...widths)) + 52, Math.floor(width * 0.3))];
   }
 
   // ---- drawing ------------------------------------------------------------------------------------------------

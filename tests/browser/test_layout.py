@@ -62,6 +62,12 @@ SIDEWAYS = """() => [...document.querySelectorAll('main, main *, aside *')].filt
   && /(auto|scroll)/.test(getComputedStyle(e).overflowX) && e.scrollWidth > e.clientWidth + 1)
   .map((e) => [...e.classList].join('.') + ' scrolls sideways by ' + (e.scrollWidth - e.clientWidth))"""
 """What has to be pushed aside to be read."""
+WRITTEN = """() => new Promise((done) => { // what a chart writes when it is drawn anew
+  const brush = CanvasRenderingContext2D.prototype, { fillText } = brush, written = [];
+  brush.fillText = function (text, ...place) { written.push(String(text)); return fillText.call(this, text, ...place); };
+  document.querySelector("main").style.paddingRight = "1px";
+  setTimeout(() => { brush.fillText = fillText; done(written); }, 1000);
+})"""
 LIGHT = {"/": 150_000, "/alarms": 150_000, "/equipment/m1": 190_000}
 """What a page may weigh when nothing of it is kept [bytes]."""
 
@@ -162,6 +168,19 @@ def test_the_curves_beside_all_values_end_above_the_fold(abnormal: Page, size: t
     expect(canvas).to_be_visible()
     below = "(one) => document.querySelector('.foot').getBoundingClientRect().top - one.getBoundingClientRect().bottom"
     assert canvas.evaluate(below) >= 0
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_the_name_of_a_curve_is_whole_at_its_end(abnormal: Page, lang: str) -> None:
+    speak(abnormal, lang, origin(abnormal))
+    for width, height in ((1280, 800), (1920, 1080)):
+        lay_out(abnormal, width, height, "desk")
+        open_page(
+            abnormal, origin(abnormal) + "/trends?tags=m1.speed,m1.frequency_setpoint,c1.speed_1,a1.position&span=10m"
+        )
+        written = abnormal.evaluate(WRITTEN)
+        assert len(written) > 10, "the chart was not drawn"
+        assert [one for one in written if "…" in one] == [], width
 
 
 STACKED = (
