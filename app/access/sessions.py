@@ -311,6 +311,12 @@ class Sessions:
                 self.note_over([id_hash], "ended")
             self.announce([id_hash])
 
+    def replaced(self, id_hash: str) -> None:
+        """A session that the database still has is over by another one: its row goes as soon as that can be done, else it would be one
+        again after a restart."""
+        gone = delete(session_table).where(session_table.c.id_hash == id_hash)
+        self._unwritten[id_hash] = lambda connection: (connection.execute(gone).rowcount > 0, [])
+
     async def write_ends(self) -> None:
         """Write what the database did not take when sessions were ended.
 

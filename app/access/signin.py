@@ -289,6 +289,8 @@ class SignIn:
         limit = limit_of(account.roles)
         standing = self._sessions.standing
         ended = standing.begin(who, row.password, family(agent), limit, replaces, watching=not on_disk)
+        if replaces:
+            self._sessions.replaced(replaces)
         return SignedIn(sid, account, row.last_seen), ended
 
     def _half_in(self, half: _Half) -> HalfIn:

@@ -314,3 +314,20 @@ async def test_a_session_that_stands_in_memory_ends_as_others_do(access: Access,
     await access.sessions.write_ends()
     assert await access.sessions.of(key) == []
     assert [line.kind for line in await access.audit.find(Filter(kind="signout"))] == ["signout"]
+
+
+async def test_a_session_that_was_replaced_on_a_full_disk_is_none_after_a_restart_either(
+    access: Access, open_access: OpenAccess
+) -> None:
+    """The database went on having it: whoever kept its cookie was in again once the server was started anew."""
+    await add(access, "ana", "operator")
+    before = await enter(access, "ana")
+    fill(access)
+    after = (await access.sign_in.with_password("ana", PASSWORD, "10.0.0.9", AGENT, before)).sid
+    assert await who(access, before) is None
+    empty(access)
+    await access.sessions.standing.write()
+    await access.sessions.write_ends()
+    restarted = open_access()
+    assert await who(restarted, before) is None
+    assert await who(restarted, after) is not None

@@ -11,18 +11,24 @@ from typing import Any
 from sqlalchemy import select
 
 from app.access.tables import audit_table
+from app.alarms.conditions import EVENT_LATE
 from app.alarms.lifecycle import TRANSITIONS, Entry
 from app.alarms.shelf import unpacked
 from app.alarms.tables import journal_table, state_table
+from app.commands.hold import TTL
 from app.commands.lifecycle import Progress, ProgressState
 from app.commands.open_sets import values_of
 from app.commands.parameter_change import KEY as PARAMETERS
 from app.commands.set_follow_up import FOUND_MIXED, FOUND_NEW, FOUND_OLD, UNREAD
+from app.historian import events
 from app.historian import tables as history
 from app.historian.recorder import BUFFER_LIMIT
-from app.plant.definitions import Equipment
+from app.historian.records import source_of
+from app.plant.definitions import Alarm, Equipment
+from app.plant.expression import Look, Reading, parse
 from app.profidrive.scaling import Scaling
 from app.profidrive.words import Control, Status
+from app.records.fold import number_of
 from app.records.record import OPEN, UNKNOWN
 from app.registers import plc_map
 from app.registers.codec import decoder
@@ -30,13 +36,15 @@ from app.sim.bus import Bus
 from app.sim.eura_e800.drive import VirtualE800
 from app.sim.plc import VirtualPlc
 from app.sim.sinamics.drive import VirtualSinamics
-from app.tags.quality import is_good
+from app.tags.quality import NO_DATA, is_bad, is_good
 from tests.storm.accounts import accounts
 from tests.storm.line import Sent
-from tests.storm.world import Fell, World
+from tests.storm.world import ADDRESS, AGENT, Fell, World
 
 SLACK = 0.6
 """Sweep and answers on their way [s]."""
+HEARD = 3.0
+"""A machine that was not heard for longer is sent nothing but a Stop [s]."""
 MOST_TASKS = 150
 MOST_STORING = 40
 WEIGHED = 10.0
@@ -79,6 +87,10 @@ DRIVE_SHOWS: Mapping[str, Callable[[Shown], bool]] = {
 """Command of a drive → whether it has done it."""
 
 
+STOPS = ("stop", "quick_stop", "coast")
+"""They are confirmed by what they are about, whatever brought it about."""
+
+
 def shown_by(device: VirtualDrive, at: float) -> Shown:
     """What `device` has now, `at` [s]."""
     if isinstance(device, VirtualE800):
@@ -109,6 +121,12 @@ class Checker:
         world.on_end.append(self._command_ended)
         self.false: list[str] = []
         self.weighed = 10.0
+        self.stood: dict[str, tuple[bool | None, float, tuple[int, int]]] = {}
+        """Alarm → what its condition says, since when [s], and to which server and plant."""
+        self.used: dict[str, str] = {}
+        """One-time number → the order that was sent with it."""
+        self.judged = 0
+        """Orders that were looked at."""
         self.first: dict[str, int] = {}
         """How many entries there were of anything when it was first counted."""
         self.counted = (0, 0, 0)
@@ -182,6 +200,14 @@ class Checker:
         shows = [one for one in self.shown.get(machine, ()) if one.at >= since]
         if key in DRIVE_SHOWS and not any(map(DRIVE_SHOWS[key], shows)):
             self.false.append(f"{machine}.{key} {progress.id}: the drive never showed it, {shows[-3:]}")
+        before = [one for one in self.shown.get(machine, ()) if one.at < since][-1:]
+        turned = any(not DRIVE_SHOWS[key](one) for one in before + shows) if key in DRIVE_SHOWS else True
+        item = self.item(machine)
+        command = item.type.commands.get(key) if item else None
+        needless = command is not None and all(one.when for one in command.writes)
+        taken = any(one.at >= since and one.machine == machine for one in self.world.line.taken)
+        if not (turned or taken or needless or key in STOPS):
+            self.false.append(f"{machine}.{key} {progress.id}: it was so before, and no telegram reached the drive")
         forgets = isinstance(device, VirtualSinamics) and self.world.powered.get(machine, 0.0) >= since
         if key in ("setpoints", PARAMETERS) and not forgets:
             held = {one.key: held_of(device, *_named(one.code)) for one in progress.changes}
@@ -308,6 +334,62 @@ def control_is_lived(c: Checker) -> None:
             raise Fell("control_is_lived", f"{lease.equipment} is moved by {lease.person.name}, who does not hold it")
 
 
+def what_was_taken_away_is_gone(c: Checker) -> None:
+    """Nobody holds a machine, or moves it by hand, whose session was ended or whose right was taken, by what the world was told of it."""
+    world = c.world
+    if world.down or world.runtime.gate is None:
+        return
+    gate, rights, late = world.runtime.gate, world.rights, world.now - SLACK
+    at_it = [(id, tenure.who) for id, tenure in gate.control._tenures.items()]
+    at_it += [(lease.equipment, lease.person) for lease in gate.hold._leases.values() if lease.moving]
+    for equipment, person in at_it:
+        over = rights.over.get(person.session)
+        if over is not None and over.since < late:
+            raise Fell(
+                "what_was_taken_away_is_gone", f"{equipment}: {person.name}, whose session ended at {over.since}"
+            )
+        if (since := rights.without(person.name, "operate")) < late:
+            raise Fell("what_was_taken_away_is_gone", f"{equipment}: {person.name}, who may not operate since {since}")
+
+
+def held_is_held(c: Checker) -> None:
+    """A machine is moved by a button only while word of that button keeps coming, and not after it was let go."""
+    world = c.world
+    if world.down or world.runtime.gate is None:
+        return
+    for lease in world.runtime.gate.hold._leases.values():
+        if not lease.moving:
+            continue
+        last, let_go = world.kept.get(lease.token, -inf), world.let_go.get(lease.token, inf)
+        if world.now - last > TTL + SLACK or world.now - let_go > SLACK:
+            raise Fell("held_is_held", f"{lease.equipment}: last word at {last}, let go at {let_go}, it moves")
+
+
+def orders_are_of_who_may(c: Checker) -> None:
+    """What is being sent was asked by whoever holds the machine and has the right to, while it was heard, judged by values that are good,
+    and its conditions were met."""
+    world, orders = c.world, c.world.begun
+    for one in orders[c.judged :]:
+        what = f"{one.machine}.{one.key} {one.id} of {one.who} at {one.at}"
+        if one.session != one.holder:
+            raise Fell("orders_are_of_who_may", f"{what}: {one.holder or 'nobody'} holds the machine")
+        program = one.who.startswith("token:")
+        if (asker := world.askers.get(one.id, one.who)) != one.who and not program:
+            raise Fell("orders_are_of_who_may", f"{what} was given by {asker}")
+        if (since := world.rights.without(one.who, "operate")) < one.at - SLACK:
+            raise Fell("orders_are_of_who_may", f"{what}, who may not since {since}")
+        if (over := world.rights.over.get(one.session)) is not None and over.since < one.at - SLACK:
+            raise Fell("orders_are_of_who_may", f"{what}, whose session ended at {over.since}")
+        if one.silent > HEARD:
+            raise Fell("orders_are_of_who_may", f"{what}: the machine is silent for {one.silent:.1f} s")
+        if one.poor or one.unmet:
+            raise Fell("orders_are_of_who_may", f"{what}: not good {one.poor}, not met {one.unmet}")
+        nonce = world.nonces.get(one.id, one.id)
+        if (first := c.used.setdefault(nonce, one.id)) != one.id:
+            raise Fell("orders_are_of_who_may", f"{what} came with the nonce of {first}")
+    c.judged = len(orders)
+
+
 def nothing_dies(c: Checker) -> None:
     """Every task of the supervisor runs and never failed; nothing inside raised what nobody expected."""
     world = c.world
@@ -362,6 +444,57 @@ def sizes(root: object) -> dict[str, int]:
     return found
 
 
+def alarms_tell_what_is(c: Checker) -> None:
+    """When all is calm: an alarm stands when what it is about has been so for its delay, and does not when that has been over for it."""
+    world = c.world
+    if world.down or world.now < world.calm:
+        return
+    tags, clock = world.runtime.tags, world.now
+    here = {watch.id: watch for watch in world.runtime.alarms._index if watch.equipment}
+    heard = {one.machine: one.at for one in world.heard}
+    server = world.lives, tags.revision
+    for id, watch in here.items():
+
+        def look(key: str, machine: str = watch.equipment) -> Reading:
+            handle = tags.handles.get(f"{machine}.{key}")
+            return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
+
+        is_so, since, at = c.stood.get(id, (None, clock, server))
+        now = says(watch.alarm, look)
+        if now is not is_so or at != server:
+            since = clock
+        c.stood[id] = now, since, server
+        alarm = watch.alarm
+        delay = (alarm.on_delay if now else alarm.off_delay) + SETTLES
+        if alarm.event:  # which may come after the value that it explains, and stands for a while without it
+            delay += EVENT_LATE
+            since = max(since, heard.get(watch.equipment, 0.0))
+        if now is not None and watch.life.active is not now and clock - since > delay:
+            raise Fell(
+                "alarms_tell_what_is",
+                f"{id} stands: {watch.life.active}, {alarm.expression} is so: {now} since {since}",
+            )
+
+
+def says(alarm: Alarm, look: Look) -> bool | None:
+    """Whether what an alarm is about is so; None: nobody can say, or it lies in a dead-band, or an event alone says it."""
+    if alarm.kind == "expression":
+        over = parse(alarm.clear).true(look) if alarm.clear else None
+        begun = parse(alarm.expression).true(look) if alarm.expression else None
+        return False if over else begun if begun or not alarm.clear else None
+    value, quality = look(alarm.value)
+    if alarm.kind == "bad_quality":
+        return is_bad(quality) or value is None
+    if is_bad(quality) or not isinstance(value, int | float) or alarm.limit is None:
+        return None
+    match alarm.kind:
+        case "high":
+            return True if value >= alarm.limit else False if value < alarm.limit - alarm.dead_band else None
+        case "low":
+            return True if value <= alarm.limit else False if value > alarm.limit + alarm.dead_band else None
+    return None
+
+
 def stop_is_open(c: Checker) -> None:
     """A Stop of somebody who may stop is refused only because there is no such machine any more."""
     for machine, reason, status in c.world.refused_stops:
@@ -388,6 +521,13 @@ async def all_is_well_again(c: Checker) -> None:
         raise Fell("all_is_well_again", f"not read again: {', '.join(bad[:5])} and {len(bad)} in all")
     if not runtime.access.audit.healthy:
         raise Fell("all_is_well_again", "lines of the audit still wait outside the database")
+
+
+async def ended_sessions_are_over(c: Checker) -> None:
+    """Nobody comes in with a session that was ended, also after a restart or when an account that was barred is let in again."""
+    for one in c.world.rights.over.values():
+        if await c.world.runtime.access.sessions.find(one.sid, ADDRESS, AGENT) is not None:
+            raise Fell("ended_sessions_are_over", f"a session of {one.who} that ended at {one.since} is one")
 
 
 async def audit_is_whole(c: Checker) -> None:
@@ -465,7 +605,15 @@ async def alarms_follow_the_table(c: Checker) -> None:
     columns = journal_table.c
     rows = await runtime.db.read(
         lambda connection: connection.execute(
-            select(columns.alarm, columns.before, columns.after, columns.event, columns.seq).order_by(columns.seq)
+            select(
+                columns.alarm,
+                columns.before,
+                columns.after,
+                columns.event,
+                columns.seq,
+                columns.occurrence,
+                columns.person,
+            ).order_by(columns.seq)
         ).all()
     )
     stands: dict[str, str] = {}
@@ -484,6 +632,9 @@ async def alarms_follow_the_table(c: Checker) -> None:
     written = Counter((row.alarm, row.event) for row in rows)
     if lost := c.world.hidden - written:
         raise Fell("alarms_follow_the_table", f"not in the journal though somebody was told so: {dict(lost)}")
+    by = Counter(row.occurrence for row in rows if row.event == Entry.ACK and row.person)
+    if lost := c.world.acknowledged - by:
+        raise Fell("alarms_follow_the_table", f"nobody acknowledged it, though somebody was told so: {dict(lost)}")
     states = await runtime.db.read(
         lambda connection: connection.execute(select(state_table.c.alarm, state_table.c.hiding)).all()
     )
@@ -558,35 +709,44 @@ async def events_have_their_time(c: Checker) -> None:
 
 async def records_are_of_events(c: Checker) -> None:
     """Every record begins with an event that is stored, and one that is over ends with one, or after the time that its kind lasts."""
-    runtime, event, of = c.world.runtime, history.event.c, history.record_event.c
+    runtime, row_of, of = c.world.runtime, history.event.c, history.record_event.c
     kinds = {kind.name: kind for item in c._items.values() for kind in item.type.records.values()}
     rows = await runtime.history.read(lambda connection: connection.execute(select(history.record)).all())
     parts = await runtime.history.read(
         lambda connection: connection.execute(
-            select(of.record, event.machine, event.boot, event.sequence, event.time, event.code).join(
-                history.event, event.id == of.event
+            select(of.record, of.event, row_of.machine, row_of.boot, row_of.sequence, row_of.time, row_of.code).join(
+                history.event, row_of.id == of.event
             )
         ).all()
     )
+    placed = {part.event for part in parts}
     mine: dict[int, list[Any]] = {}
     for part in parts:
         mine.setdefault(part.record, []).append(part)
     seen: Counter[tuple[object, ...]] = Counter()  # a machine that is built anew counts its starts from 1 again
     for row in rows:
         c.world.trace(f"record {row.id} {row.kind} {row.number} {row.outcome}")
-        events, what = mine.get(row.id, []), f"{row.kind} {row.number} of {row.machine} ({row.outcome})"
+        those, what = mine.get(row.id, []), f"{row.kind} {row.number} of {row.machine} ({row.outcome})"
         seen[row.machine, row.kind, row.number, row.boot, row.sequence, row.begun] += 1
-        if any(one.machine != row.machine for one in events):
+        if any(one.machine != row.machine for one in those):
             raise Fell("records_are_of_events", f"{what} has events of another machine")
         first = (row.boot, row.sequence, row.entry, row.begun)
-        if row.entry and first not in {(one.boot, one.sequence, one.code, one.time) for one in events}:
+        if row.entry and first not in {(one.boot, one.sequence, one.code, one.time) for one in those}:
             raise Fell("records_are_of_events", f"{what} began with {first}, which is no event of it")
         if row.outcome in (OPEN, UNKNOWN) or kinds[row.kind].lasts:
             continue
         codes = {code for end in kinds[row.kind].ends for code in end.when.codes}
-        ends = {max(row.begun, one.time) for one in events if one.code in codes}
+        ends = {max(row.begun, one.time) for one in those if one.code in codes}
         if row.ended not in ends:
             raise Fell("records_are_of_events", f"{what} ended at {row.ended}, its events say {sorted(ends)}")
+    told = await runtime.history.read(lambda connection: connection.execute(events.told()).all())
+    for event in map(events.event_of, told):
+        item = c.item(event.equipment)
+        source = source_of(item) if item is not None and event.equipment not in c.world.removed else None
+        for kind in source.kinds.values() if source else ():
+            begins = event.code in kind.begin and number_of(kind, source.reading(event)) is not None
+            if begins and event.id not in placed:
+                raise Fell("records_are_of_events", f"{event} begins a {kind.name}, and is of none")
     if twice := [key for key, count in seen.items() if count > 1]:
         raise Fell("records_are_of_events", f"there twice: {twice}")
 
@@ -616,6 +776,38 @@ async def nothing_good_while_nobody_looked(c: Checker) -> None:
                 )
 
 
+async def what_is_shown_is_kept(c: Checker) -> None:
+    """What the history has last of every point is what is shown of it: the same quality, and no further from it than its dead-band."""
+    runtime, columns = c.world.runtime, history.sample.c
+    if c.world.down or runtime.plant is None:
+        return
+    with c.world.standstill():
+        await asyncio.sleep(STANDSTILL)
+        await runtime.recorder.flush()
+        tags = runtime.tags
+        shown = {tag.id: tags.read(handle) for handle, tag in enumerate(tags.tags)}
+    rows = await runtime.history.read(
+        lambda connection: connection.execute(
+            select(history.point.c.lasting_id, columns.v, columns.s, columns.q)
+            .join(history.point, history.point.c.id == columns.point)
+            .where(columns.t <= runtime.clock.micros())
+            .order_by(columns.point, columns.t)
+        ).all()
+    )
+    last = {id: (quality, value if text is None else text) for id, value, text, quality in rows}
+    for point in runtime.points.values():
+        if not point.history or point.name.startswith("sys.") or not (now := shown[point.id]).time:
+            continue
+        quality, value = last.get(point.id, (None, None))
+        near = (
+            abs(value - now.value) <= point.dead_band * 1.001 + 1e-6
+            if isinstance(value, int | float) and isinstance(now.value, int | float)
+            else value == now.value or is_bad(now.quality)
+        )
+        if quality is None or (quality & 0xFF) != (now.quality & 0xFF) or not near:
+            raise Fell("what_is_shown_is_kept", f"{point.name}: the history has {value!r} {quality}, shown is {now}")
+
+
 async def what_is_shown_is_so(c: Checker) -> None:
     """While machines stand still, every good value that was read meanwhile is the one in the registers of its machine."""
     world = c.world
@@ -638,7 +830,7 @@ async def what_is_shown_is_so(c: Checker) -> None:
                 compared[item.id] += 1
                 alike = (
                     shown == held
-                    if isinstance(shown, str) or isinstance(held, str) or None in (shown, held)
+                    if isinstance(shown, str | None) or isinstance(held, str | None)
                     else (abs(shown - held) <= 1e-6 * (1 + abs(held)))
                 )
                 if not alike:
@@ -649,6 +841,8 @@ async def what_is_shown_is_so(c: Checker) -> None:
             )
 
 
+SETTLES = 3.0
+"""So long after its delay an alarm has come or gone: values are read in turn, and conditions looked at in turn [s]."""
 STANDSTILL = 0.9
 """A PLC whose program stands still for longer is told as such [s]."""
 LATEST = 0.2
@@ -668,11 +862,16 @@ ALWAYS: tuple[Callable[[Checker], None], ...] = (
     nothing_twice,
     good_is_fresh,
     control_is_lived,
+    what_was_taken_away_is_gone,
+    held_is_held,
+    orders_are_of_who_may,
     nothing_dies,
     nothing_grows,
+    alarms_tell_what_is,
     stop_is_open,
 )
 AT_THE_END = (
-    all_is_well_again, what_is_shown_is_so, audit_is_whole, what_was_done_was_foretold, alarms_follow_the_table, events_are_stored,
+    all_is_well_again, what_is_shown_is_so, what_is_shown_is_kept, ended_sessions_are_over,
+    audit_is_whole, what_was_done_was_foretold, alarms_follow_the_table, events_are_stored,
     events_have_their_time, records_are_of_events, nothing_good_while_nobody_looked,
 )  # fmt: skip

@@ -71,6 +71,8 @@ class Line:
     life: int = 0
     """Which server is at the other end."""
     sent: list[Sent] = field(default_factory=list)
+    taken: list[Sent] = field(default_factory=list)
+    """The same, of what reached a device."""
     heard: dict[tuple[int, int], float] = field(default_factory=lambda: defaultdict(lambda: -NEVER))
     """(bus, unit) → when the last honest answer to a read reached the server [s]."""
     name: Callable[[Bus, int], str] = lambda bus, unit: ""
@@ -99,10 +101,14 @@ class Line:
         fault = trouble.fault if trouble else ""
         self.trace(f"{now:.6f} {unit} {pdu.hex()} {fault}")
         if pdu[0] in WRITES and not training:
-            words = tuple(pdu[3:]) if pdu[0] == 6 else tuple(pdu[6:])
-            paired = tuple(a << 8 | b for a, b in zip(words[::2], words[1::2], strict=False))
-            self.sent.append(Sent(now, unit, bus, pdu[0], address, paired, self.name(bus, unit), self.life))
+            self.sent.append(self._write(bus, unit, pdu))
         return fault
+
+    def _write(self, bus: Bus, unit: int, pdu: bytes) -> Sent:
+        words = tuple(pdu[3:]) if pdu[0] == 6 else tuple(pdu[6:])
+        paired = tuple(a << 8 | b for a, b in zip(words[::2], words[1::2], strict=False))
+        address = int.from_bytes(pdu[1:3], "big")
+        return Sent(self.clock.monotonic(), unit, bus, pdu[0], address, paired, self.name(bus, unit), self.life)
 
     def arrived(self, bus: Bus, unit: int, answer: bytes, seen: list[Any]) -> None:
         """An honest answer has reached the server."""
@@ -115,6 +121,8 @@ class Line:
         """The device takes a request."""
         if pdu[0] not in WRITES:
             seen.append(self.look(bus, unit))
+        else:
+            self.taken.append(self._write(bus, unit, pdu))
         return bus.answer(unit, pdu).pdu
 
     async def _carry(self, bus: Bus, unit: int, pdu: bytes, fault: str, seen: list[Any]) -> bytes | None:
@@ -122,7 +130,7 @@ class Line:
             return None
         if fault == "slow":  # waits in a gateway: the device is told, its answer is too late for anybody
             delay = self.random.uniform(0.1, 3.0)
-            asyncio.get_running_loop().call_later(delay, bus.answer, unit, pdu)
+            asyncio.get_running_loop().call_later(delay, self.act, bus, unit, pdu, [])
             return None
         if fault == "exception":
             return exception_answer(pdu[0], self.random.choice((1, 2, 3, 4, 6)))

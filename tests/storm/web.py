@@ -4,11 +4,15 @@ import asyncio
 import json
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 
 from pyotp import TOTP
 
+from app.access.sessions import hash_of
 from app.commands.lifecycle import ProgressState
+from app.errors import PogonError, Refused
 from app.main import create_app
 from app.runtime import Runtime
 from app.settings import Settings
@@ -59,6 +63,7 @@ class WebWorld(World):
 
     async def stop(self) -> None:
         """As systemd does."""
+        self._forget_unwritten()
         self.down = True
         await socket.sockets_of(self.app).close()
         await self.runtime.stop()
@@ -122,8 +127,15 @@ class WebWorld(World):
             self.codes[who] = []
 
     async def _do_leave(self, who: str) -> None:
-        if self.sids.get(who):
-            await self._send(who, "/signout")
+        browser = self._browser(who)
+        if browser is None or not self.sids.get(who):
+            return
+        sid, known = browser.cookies.get("sid", ""), await self.person(who)
+        answer = await self._send(who, "/signout")
+        mine = known is not None and known.session == hash_of(sid)
+        told = answer is not None and answer.status == 303 and not self.down
+        if mine and told:
+            self.rights.end(who, sid)
 
     async def _do_look(self, who: str) -> None:
         browser = self._browser(who)
@@ -169,7 +181,7 @@ class WebWorld(World):
             page.say(subscribe=f"tags/{','.join(list(self.runtime.points)[number % 50 :: 97])}", rev=0)
             for path in ("/api/v1/tags", "/api/v1/alarms", f"/api/v1/equipment/{machine}/commands", "/api/v1/records"):
                 self._note(f"program of {who} {path}", await program.get(path))
-            await self._order_as(program, machine, number)
+            await self._order_as(program, who, machine, number)
             await asyncio.sleep(seconds)
             if self.down or self.app is not app:
                 return
@@ -182,14 +194,18 @@ class WebWorld(World):
             if answer.status == 200 or not (page.closed or self.down or self.app is not app):
                 self.errors.append(f"a token that was revoked: {answer.status}, its socket closed: {page.closed}")
 
-    async def _order_as(self, program: Browser, machine: str, number: int) -> None:
+    async def _order_as(self, program: Browser, who: str, machine: str, number: int) -> None:
         command = self._choose(machine, number, hold=False)
         nonce = await program.order("/api/v1/nonce")
         if command is None or nonce.status != 200:
             return
         if number % 2:
             self._note("program takes", await program.order(f"/api/v1/equipment/{machine}/control/take"))
-        given = {"id": self._order(machine, command.key), "nonce": json.loads(nonce.body)["nonce"], "confirmed": True}
+        given = {
+            "id": self._order(who, machine, command.key),
+            "nonce": json.loads(nonce.body)["nonce"],
+            "confirmed": True,
+        }
         answer = await program.order(f"/api/v1/equipment/{machine}/commands/{command.key}", **given)
         self._note(f"program orders {command.key}", answer)
         self._note("program gives", await program.order(f"/api/v1/equipment/{machine}/control/release"))
@@ -210,7 +226,7 @@ class WebWorld(World):
         stop = next((c for c in item.type.commands.values() if c.stop), None) if item else None
         if stop is None:
             return
-        id = self._order(machine, stop.key)
+        id = self._order(who, machine, stop.key)
         answer = await self._send(who, f"/equipment/{machine}/stop", id=id)
         refused = answer is not None and answer.status >= 400 and 'data-kind="info"' not in answer.text
         if any(one.id == id and one.state is not ProgressState.REFUSED for _, one in self.ended):
@@ -229,10 +245,17 @@ class WebWorld(World):
             return
         form = {f"arg_{one.name}": str(round(part * 100)) for one in command.arguments}
         form |= {"argument": f"{part * 60:.2f}"} if command.argument else {}
-        form |= {"id": self._order(machine, command.key), "nonce": nonce, "confirmed": "1", "reason": "storm"}
+        form |= {"id": self._order(who, machine, command.key), "nonce": nonce, "confirmed": "1", "reason": "storm"}
         form |= {"password": PASSWORD} if number % 2 else {}
         if twice:  # the same press once more: a double click, a proxy that sends again
-            self.beside(self._again(who, f"/equipment/{machine}/command/{command.key}", form), acting=True)
+            path = f"/equipment/{machine}/command/{command.key}"
+            if number % 3:
+                self.beside(self._again(who, path, form), acting=True)
+            else:  # another one with what the page has used already
+                again = form | {"id": self._order(who, machine, command.key)}
+                self.nonces[again["id"]] = nonce
+                self.beside(self._later(partial(self._again, who, path, again)), acting=True)
+        self.nonces[form["id"]] = nonce
         await self._send(who, f"/equipment/{machine}/command/{command.key}", **form)
 
     async def _again(self, who: str, path: str, form: dict[str, str]) -> None:
@@ -247,7 +270,7 @@ class WebWorld(World):
         nonce = await self._nonce(who)
         if nonce is not None:
             await self._send(
-                who, f"/equipment/{machine}/setpoint/{key}", id=self._order(machine, key), nonce=nonce,
+                who, f"/equipment/{machine}/setpoint/{key}", id=self._order(who, machine, key), nonce=nonce,
                 argument=self._typed(item, key, part), confirmed="1", reason="storm", password=PASSWORD,
             )  # fmt: skip
 
@@ -257,7 +280,7 @@ class WebWorld(World):
         if nonce is not None:
             now = [self._held(machine, key) for key in found]
             await self._send(
-                who, f"/equipment/{machine}/parameters", id=self._order_set(machine, found), nonce=nonce, reason="storm",
+                who, f"/equipment/{machine}/parameters", id=self._order_set(who, machine, found), nonce=nonce, reason="storm",
                 key=list(found), value=list(found.values()), expected=now, confirmed="1", password=PASSWORD,
             )  # fmt: skip
 
@@ -279,17 +302,20 @@ class WebWorld(World):
             nonce = await self._nonce(who)
             if nonce is None:
                 return
-            form = {"id": self._order(machine, command.key), "nonce": nonce, "confirmed": "1"}
+            form = {"id": self._order(who, machine, command.key), "nonce": nonce, "confirmed": "1"}
             answer = await self._send(who, f"/equipment/{machine}/hold/{command.key}", **form)
             if answer is None or answer.status != 200 or "lease" not in answer.text:
                 return
             lease = json.loads(answer.body)["lease"]
             for counter in range(1, round(seconds / 0.2) + 1):
                 told = -counter if how == "backwards" and counter > 3 else counter
+                if told > 0:  # what does not rise is no word
+                    self.kept[lease] = self.now
                 page.say(hold={"equipment": machine, "lease": lease, "counter": told})
                 await asyncio.sleep(0.7 if how == "late" and counter > 3 else 0.2)
                 if how == "ends" and counter > 3:
                     return
+            self.let_go[lease] = self.now
             if how == "gone":
                 await self._do_leave(who)
             elif number % 2:
@@ -317,11 +343,29 @@ class WebWorld(World):
 
     async def _do_roles(self, who: str, roles: tuple[str, ...]) -> None:
         if who != "ada":
-            await self._send("ada", f"/users/{self.ids[who]}/roles", roles=list(roles), own_password=PASSWORD)
+            with suppress(PogonError), self.rights.change(who, "roles", roles):
+                done = await self._send(
+                    "ada", f"/users/{self.ids[who]}/roles", roles=list(roles), own_password=PASSWORD
+                )
+                self._done(done)
 
     async def _do_bar(self, who: str, seconds: float) -> None:
         if who == "ada":
             return
-        await self._send("ada", f"/users/{self.ids[who]}/disable", own_password=PASSWORD)
+        sid = self.sids.get(who, "")
+        with suppress(PogonError):
+            with self.rights.change(who, "barred", True):
+                self._done(await self._send("ada", f"/users/{self.ids[who]}/disable", own_password=PASSWORD))
+            self.rights.end(who, sid)
         await asyncio.sleep(seconds)
-        await self._send("ada", f"/users/{self.ids[who]}/enable", own_password=PASSWORD)
+        with suppress(PogonError), self.rights.change(who, "barred", False):
+            self._done(await self._send("ada", f"/users/{self.ids[who]}/enable", own_password=PASSWORD))
+
+    def _done(self, answer: Answer | None) -> None:
+        """
+        Raises:
+            Refused: an administrator was not told that it is done.
+        """
+        self._told()
+        if answer is None or answer.status != 303:
+            raise Refused("storm")

@@ -23,13 +23,17 @@ import app.runtime
 from app import chance
 from app.access.passwords import Cost, Passwords
 from app.access.roles import Person, permissions_of
+from app.access.sessions import hash_of
 from app.clock import ManualClock
+from app.commands import interlocks
 from app.commands.lifecycle import Progress
+from app.commands.orders import Order
 from app.commands.parameter_change import KEY as PARAMETERS
 from app.commands.parameter_change import SAVE, ParameterChange
 from app.errors import PogonError, StorageError
 from app.plant.definitions import Command, Equipment, Plant
 from app.plant.events import RingEvent
+from app.plant.expression import Reading, parse
 from app.plant.loader import read_plant
 from app.registers import plc_map
 from app.running.page_tags import page_tags
@@ -45,9 +49,11 @@ from app.sim.sinamics.drive import VirtualSinamics
 from app.sim.sinamics.mailbox import MailboxFault
 from app.sim.sinamics.training import REG_MAILBOX
 from app.sim.training import REG_MACHINE_FAULT, REG_POWER
+from app.tags.quality import NO_DATA, is_good
 from tests.demo_plant import DEMO, LINKS, plant_file
 from tests.storm.disk import Disks
 from tests.storm.line import Line, Trouble, Wire
+from tests.storm.rights import Rights
 from tests.storm.script import CALM, DRIVE_ACTS, PEOPLE, WEB_ACTS, Action, Script
 from tests.virtual import MORNING, VirtualLoop, inline
 
@@ -144,6 +150,28 @@ class Heard:
     """When it was handed over [s]."""
 
 
+@dataclass(frozen=True)
+class Begun:
+    """An order as it stood when it was about to be sent; a Stop is none."""
+
+    at: float
+    """[s]"""
+    id: str
+    machine: str
+    key: str
+    session: str
+    who: str
+    """Whose session it is, as the server says."""
+    holder: str
+    """Session that held the machine; nothing: none did."""
+    silent: float
+    """How long ago the machine was heard last [s]."""
+    poor: tuple[str, ...]
+    """Values that it is judged by and that were not good."""
+    unmet: tuple[str, ...]
+    """Interlocks and permissives that were not met."""
+
+
 @dataclass
 class World:
     """Everything; `live` plays a script."""
@@ -172,6 +200,17 @@ class World:
     """From when on [s] the wall clock was ahead of the monotonic one by how much [µs]."""
     asked: dict[str, tuple[float, str, str]] = field(default_factory=dict)
     """Id of every order → when [s], machine, command."""
+    askers: dict[str, str] = field(default_factory=dict)
+    """Id of every order → who gave it."""
+    nonces: dict[str, str] = field(default_factory=dict)
+    """Id of an order → the one-time number that it came with."""
+    begun: list[Begun] = field(default_factory=list)
+    kept: dict[str, float] = field(default_factory=dict)
+    """Lease of a held button → when word of it was last sent [s]."""
+    let_go: dict[str, float] = field(default_factory=dict)
+    """The same → when it was let go [s]."""
+    acknowledged: Counter[int] = field(default_factory=Counter)
+    """Occurrence of an alarm → how often somebody was told that his acknowledgement is written down."""
     sets: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Id of every set of setpoints → what it wanted to write."""
     powered: dict[str, float] = field(default_factory=dict)
@@ -182,6 +221,12 @@ class World:
     lives: int = 0
     """Servers that were started."""
     down: bool = True
+    sick: float = 0.0
+    """Since when the database of people could not be written, now or last [s]."""
+    healed: float = -inf
+    """When that was over last [s]."""
+    calm: float = inf
+    """From then on nothing goes wrong any more [s]."""
     troubled: float = 0.0
     """Until then something was wrong with the server, its disk or its clock [s]."""
     tasks: set["asyncio.Task[None]"] = field(default_factory=set)
@@ -202,6 +247,7 @@ class World:
         self.line.name = self.name_of
         self.disks = Disks(Random(f"disk {self.script.seed}"))
         self.disks.die = self._die
+        self.rights = Rights(lambda: self.now)
         self._hash = hashlib.sha256()
         self.lives_since = self.clock.micros()
         self.walls.append((self.now, self.clock.micros() - round(self.now * 1e6)))
@@ -251,11 +297,13 @@ class World:
             self.disks.watch(which, getattr(runtime, which))
         if runtime.gate is not None:
             runtime.gate.subscribe_ends(self._ended)
+            self._watch_orders(runtime)
         if self.lives == 1:
             for name, roles in PEOPLE.items():
                 account, _ = await runtime.access.people.add(BOSS, name, "", roles)
                 runtime.access.people.set_password_now(BOSS, name, PASSWORD)
                 self.ids[name] = account.id
+                self.rights.begin(name, roles)
         self._hear(runtime)
         self._started()
         self.down = False
@@ -269,6 +317,49 @@ class World:
             take(machine, events, lost)
 
         ring.take = taken  # type: ignore[method-assign]
+
+    def _watch_orders(self, runtime: Runtime) -> None:
+        """Have every order seen when the line of the audit says that it is being sent."""
+        assert runtime.gate is not None
+        lines = runtime.gate._state.audit_lines
+        sent = lines.sent
+
+        async def telling(order: Order, progress: Progress) -> bool:
+            if not self.down:
+                self._begun(runtime, order)
+            return await sent(order, progress)
+
+        lines.sent = telling  # type: ignore[method-assign]
+
+    def _begun(self, runtime: Runtime, order: Order) -> None:
+        assert runtime.gate is not None
+        machine, person = runtime.gate._state.machines.get(order.equipment), order.person
+        at_work = machine and (machine.set or machine.job)
+        if machine is None or person is None or not at_work or at_work.prepared.command.stop:
+            return
+        tags, prepared, found = runtime.tags, at_work.prepared, self.bus_of(order.equipment)
+
+        def look(key: str) -> Reading:
+            handle = tags.handles.get(f"{order.equipment}.{key}")
+            return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
+
+        holder = runtime.gate.control.holder(order.equipment)
+        guards = (*machine.item.type.permissives, *machine.item.type.interlocks)
+        mine = [one for one in guards if interlocks.guards(one, prepared.command)]
+        self.begun.append(
+            Begun(
+                self.now,
+                order.id,
+                order.equipment,
+                order.key,
+                person.session,
+                person.name,
+                holder.session if holder else "",
+                self.now - self.line.heard[id(found[0]), found[1]] if found else 0.0,
+                tuple(key for key in prepared.used if not is_good(look(key)[1])),
+                tuple(one.key for one in mine if parse(one.expression).true(look) is not True),
+            )
+        )
 
     def _build(self) -> Runtime:
         return Runtime(Settings(plant=self.plant_folder, data=self.data), self.clock, inline)
@@ -288,6 +379,7 @@ class World:
 
     async def stop(self) -> None:
         """As systemd does."""
+        self._forget_unwritten()
         self.down = True
         await self.runtime.stop()
 
@@ -314,9 +406,15 @@ class World:
 
     def _die(self) -> None:
         """From this moment on nothing that the server does counts."""
+        self._forget_unwritten()
         self.down = self.line.dead = True
         self.disks.copy = self.folder / f"data-{self.lives}"
         self.disks.tear(self.data, self.disks.copy)
+
+    def _forget_unwritten(self) -> None:
+        """The server ends: what its people were told while it could not be written down may not be so afterwards."""
+        if "db" in self.disks.wrong or self.now - self.healed < WRITTEN:
+            self.rights.forget(self.sick)
 
     def simulate(
         self, plant: Plant, clock: ManualClock, *, links: list[str], memories: Mapping[str, Mapping[str, Any]]
@@ -439,6 +537,8 @@ class World:
                 await wire.carrier.close()
 
     async def _calm(self) -> None:
+        self.calm = min(self.calm, self.now)
+        self.healed = self.now if "db" in self.disks.wrong else self.healed
         self.line.troubles.clear()
         self.disks.mend_all()
 
@@ -479,12 +579,19 @@ class World:
     async def _do_enter(self, who: str) -> None:
         if self.down:
             return
-        signed = await self.runtime.access.sign_in.with_password(who, PASSWORD, ADDRESS, AGENT, self.sids.get(who, ""))
+        former = self.sids.get(who, "")
+        signed = await self.runtime.access.sign_in.with_password(who, PASSWORD, ADDRESS, AGENT, former)
         self.sids[who] = signed.sid
+        self._told()
+        self.rights.end(who, former)
 
     async def _do_leave(self, who: str) -> None:
         if person := await self.person(who):
+            sid = self.sids[who]
             await self.runtime.access.sessions.end(person, person.session, "signout")
+            self._told()
+            if person.session == hash_of(sid):
+                self.rights.end(who, sid)
 
     async def _do_look(self, who: str) -> None:
         """Somebody opens a page and closes it after a while."""
@@ -525,7 +632,7 @@ class World:
         stop = next((c for c in plant.equipment[machine].type.commands.values() if c.stop), None)
         if stop is None:
             return
-        id = self._order(machine, stop.key)
+        id = self._order(who, machine, stop.key)
         may = person.may("stop") or person.may("operate")
         try:
             await gate.ask(person, machine, stop.key, id=id)
@@ -541,25 +648,35 @@ class World:
         person = await self.person(who)
         if person is None or command is None or self.runtime.gate is None:
             return
-        id, gate = self._order(machine, command.key), self.runtime.gate
+        id, gate = self._order(who, machine, command.key), self.runtime.gate
         if gate.control.holder(machine) is None and number % 4:
             with suppress(PogonError):
                 gate.control.take(person, machine)
         arguments = {one.name: str(round(part * 100)) for one in command.arguments}
         argument = f"{part * 60:.2f}" if command.argument else None
 
-        async def press() -> None:
+        async def press(id: str, nonce: str) -> None:
+            self.nonces[id] = nonce
             try:
                 await gate.ask(
                     person, machine, command.key, argument=argument, arguments=arguments, id=id,
-                    nonce=gate.nonces.issue(person.session), confirmed=True, proven=True, reason="storm",
+                    nonce=nonce, confirmed=True, proven=True, reason="storm",
                 )  # fmt: skip
             except PogonError as refusal:
                 self.trace(f"{self.now:.6f} refused {refusal}")
 
-        if twice:
-            self.beside(press(), acting=True)
-        await press()
+        nonce = gate.nonces.issue(person.session)
+        if twice and number % 3 == 0:  # another order with what the page has used already
+            self.beside(self._later(partial(press, self._order(who, machine, command.key), nonce)), acting=True)
+        elif twice:  # the same one once more
+            self.beside(press(id, gate.nonces.issue(person.session)), acting=True)
+        await press(id, nonce)
+
+    @staticmethod
+    async def _later(work: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        """Somebody has kept what a page sent, and sends it once more."""
+        await asyncio.sleep(AGAIN)
+        await work()
 
     async def _do_set(self, who: str, machine: str, number: int, part: float) -> None:
         person = await self.person(who)
@@ -574,8 +691,8 @@ class World:
                 gate.control.take(person, machine)
         with suppress(PogonError):
             await gate.set_value(
-                person, machine, key, self._typed(item, key, part), id=self._order(machine, key), nonce=gate.nonces.issue(person.session),
-                confirmed=True, proven=True, reason="storm",
+                person, machine, key, self._typed(item, key, part), id=self._order(who, machine, key),
+                nonce=gate.nonces.issue(person.session), confirmed=True, proven=True, reason="storm",
             )  # fmt: skip
 
     async def _do_sets(self, who: str, machine: str, number: int, parts: list[float]) -> None:
@@ -589,7 +706,7 @@ class World:
                 gate.control.take(person, machine)
         with suppress(PogonError):
             await gate.set_values(
-                person, machine, found, id=self._order_set(machine, found), nonce=gate.nonces.issue(person.session), confirmed=True,
+                person, machine, found, id=self._order_set(who, machine, found), nonce=gate.nonces.issue(person.session), confirmed=True,
                 proven=True, reason="storm",
             )  # fmt: skip
 
@@ -604,7 +721,7 @@ class World:
         if cancelled:
             asyncio.get_running_loop().call_later(0.3, gate.parameters.cancel, machine)
         await gate.parameters.change(
-            person, machine, changes, id=self._order(machine, PARAMETERS), nonce=gate.nonces.issue(person.session),
+            person, machine, changes, id=self._order(who, machine, PARAMETERS), nonce=gate.nonces.issue(person.session),
             confirmed=True, proven=True, reason="storm",
         )  # fmt: skip
 
@@ -632,7 +749,7 @@ class World:
         with suppress(PogonError):
             gate.control.take(person, machine)
         await gate.parameters.save(
-            person, machine, id=self._order(machine, SAVE), nonce=gate.nonces.issue(person.session), confirmed=True,
+            person, machine, id=self._order(who, machine, SAVE), nonce=gate.nonces.issue(person.session), confirmed=True,
             proven=True, reason="storm",
         )  # fmt: skip
 
@@ -646,8 +763,8 @@ class World:
         chosen = [keys[(number + n) % len(keys)] for n in range(min(len(parts), len(keys)))]
         return {key: self._typed(item, key, part) for key, part in zip(chosen, parts, strict=False)}
 
-    def _order_set(self, machine: str, values: Mapping[str, str]) -> str:
-        id = self._order(machine, "setpoints")
+    def _order_set(self, who: str, machine: str, values: Mapping[str, str]) -> str:
+        id = self._order(who, machine, "setpoints")
         self.sets[id] = tuple(values)
         return id
 
@@ -663,13 +780,15 @@ class World:
         if person is None or command is None or self.runtime.gate is None:
             return
         hold, nonces = self.runtime.gate.hold, self.runtime.gate.nonces
-        id = self._order(machine, command.key)
+        id = self._order(who, machine, command.key)
         if self.runtime.gate.control.holder(machine) is None:
             self.runtime.gate.control.take(person, machine)
         token = await hold.arm(
             person, machine, command.key, id=id, nonce=nonces.issue(person.session), confirmed=True, address=ADDRESS
         )
         for counter in range(1, round(seconds / 0.2) + 1):
+            if how != "backwards" or counter <= 3:  # what does not rise is no word
+                self.kept[token] = self.now
             hold.keep_alive(token, -counter if how == "backwards" and counter > 3 else counter, person.session)
             await asyncio.sleep(0.7 if how == "late" and counter > 3 else 0.2)
             if how == "ends" and counter > 3:
@@ -677,6 +796,7 @@ class World:
         if how == "gone":
             await self._do_leave(who)
         hold.release(token, person.session)
+        self.let_go[token] = self.now
 
     def _choose(self, machine: str, number: int, hold: bool) -> Command | None:
         plant = self.runtime.plant
@@ -684,16 +804,17 @@ class World:
         found = [c for c in item.type.commands.values() if c.hold is hold and not c.stop] if item else []
         return found[number % len(found)] if found else None
 
-    def _order(self, machine: str, key: str) -> str:
+    def _order(self, who: str, machine: str, key: str) -> str:
         id = f"order-{len(self.asked)}"
-        self.asked[id] = self.now, machine, key
+        self.asked[id], self.askers[id] = (self.now, machine, key), who
         return id
 
     async def _do_acknowledge(self, who: str, number: int) -> None:
         person = await self.person(who)
         standing = self.runtime.alarms.list.active() if person else []
         if person and standing and person.may("acknowledge"):
-            await self.runtime.alarms.acknowledge([standing[number % len(standing)].occurrence], person)
+            (answer,) = await self.runtime.alarms.acknowledge([standing[number % len(standing)].occurrence], person)
+            self.acknowledged[answer.occurrence] += answer.outcome == "done" and answer.stored and not self.down
 
     async def _do_hide(self, who: str, number: int, how: str, minutes: int) -> None:
         """Somebody puts an alarm aside, or brings one back; what is in the journal then is kept in mind."""
@@ -731,15 +852,31 @@ class World:
 
     async def _do_roles(self, who: str, roles: tuple[str, ...]) -> None:
         if not self.down and who != "ada":
-            await self.runtime.access.people.set_roles(BOSS, self.ids[who], roles)
+            with self.rights.change(who, "roles", roles):
+                await self.runtime.access.people.set_roles(BOSS, self.ids[who], roles)
+                self._told()
 
     async def _do_bar(self, who: str, seconds: float) -> None:
         if self.down or who == "ada":
             return
-        await self.runtime.access.people.disable(BOSS, self.ids[who], True)
+        sid = self.sids.get(who, "")
+        with self.rights.change(who, "barred", True):
+            await self.runtime.access.people.disable(BOSS, self.ids[who], True)
+            self._told()
+        self.rights.end(who, sid)
         await asyncio.sleep(seconds)
         if not self.down:
-            await self.runtime.access.people.disable(BOSS, self.ids[who], False)
+            with self.rights.change(who, "barred", False):
+                await self.runtime.access.people.disable(BOSS, self.ids[who], False)
+                self._told()
+
+    def _told(self) -> None:
+        """
+        Raises:
+            StorageError: what the server says was not heard, it is dead already.
+        """
+        if self.down:
+            raise StorageError("nobody heard it")
 
     # ---- faults ---------------------------------------------------------------------------------------
 
@@ -798,10 +935,14 @@ class World:
         device.write(6, REG_MAILBOX, (0,))
 
     async def _do_disk(self, which: str, how: str, seconds: float, after: int) -> None:
+        if which == "db" and "db" not in self.disks.wrong and self.now - self.healed >= WRITTEN:
+            self.sick = self.now
         self.disks.spoil(which, how, after)
         await asyncio.sleep(seconds)
         self.troubled = max(self.troubled, self.now)
         self.disks.mend(which)
+        if which == "db":
+            self.healed = self.now
 
     async def _do_clock(self, seconds: float) -> None:
         self.step_clock(seconds)
@@ -941,6 +1082,10 @@ HIDDEN_AS = {
 """How somebody hides an alarm → what the journal calls it."""
 ALONE = ("kill", "restart", "stall", "reload", "redefine", "power", "line", "clock")
 """Nothing else happens meanwhile, or it takes no time."""
+WRITTEN = 2.0
+"""So long after its disk was mended a server has written what waited [s]."""
+AGAIN = 1.5
+"""So long after a press something comes again with what that page has used already [s]."""
 PATIENCE = 2.0
 """Longest wait for a statement at which the server is to be killed [s]."""
 REJECTED = (4,)
