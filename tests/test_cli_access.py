@@ -291,6 +291,17 @@ def test_port_0_is_told_as_what_it_became(tmp_path: Path) -> None:
     assert "http://localhost:43210/" in announcement(create_app(settings), settings, 43210)
 
 
+def test_the_name_that_others_type_is_told_where_the_server_listens_for_them(tmp_path: Path) -> None:
+    """A teacher read localhost alone, for which his certificate is not."""
+    given = {"host": "0.0.0.0", "data": tmp_path, "allowed_hosts": "teacher.example"}
+    own = Settings(**given, tls_cert=tmp_path / "cert.pem", tls_key=tmp_path / "key.pem")
+    assert "Others reach it at https://teacher.example:8000/\n" in announcement(create_app(own), own, 8000)
+    proxied = Settings(**given, behind_proxy="192.0.2.1")
+    assert "Others" not in announcement(create_app(proxied), proxied, 8000), "they come to the port of the proxy"
+    near = Settings(data=tmp_path, allowed_hosts="teacher.example")
+    assert "Others" not in announcement(create_app(near), near, 8000), "nobody else reaches it"
+
+
 @pytest.mark.parametrize("arguments", [["run"], ["user", "add", "eve", "--role", "admin"], ["user", "list"]])
 def test_a_plant_that_lost_its_database_is_not_taken_for_a_new_one(tmp_path: Path, arguments: list[str]) -> None:
     data = tmp_path / "data"
