@@ -6,6 +6,8 @@ from typing import Protocol
 from zoneinfo import ZoneInfo
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+FIRST, LAST = -62_135_510_400_000_000, 253_402_128_000_000_000
+"""The years 1 to 9999 without a day at both ends, so that every zone has them: 0001-01-02, 9999-12-30 [µs UTC]."""
 
 
 class Clock(Protocol):
@@ -68,6 +70,11 @@ def to_micros(moment: datetime) -> int:
     if moment.tzinfo is None:
         raise ValueError(f"a time needs a zone, {moment!r} has none")
     return (moment - EPOCH) // timedelta(microseconds=1)
+
+
+def is_moment(micros: int) -> bool:
+    """Whether `micros` [since 1970 UTC] is a time that a calendar has in every zone; what a device says need not be one."""
+    return FIRST <= micros < LAST
 
 
 def to_datetime(micros: int) -> datetime:

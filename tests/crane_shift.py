@@ -234,7 +234,7 @@ class Shift(World):
                 gate.control.take(person, MACHINE)
             progress = await gate.ask(
                 person, MACHINE, command, arguments={name: str(value) for name, value in arguments.items()},
-                id=self._order(MACHINE, command), nonce=gate.nonces.issue(person.session), confirmed=True, proven=True,
+                id=self._order("ana", MACHINE, command), nonce=gate.nonces.issue(person.session), confirmed=True, proven=True,
             )  # fmt: skip
         except PogonError as refusal:
             self.trace(f"{self.now:.6f} refused {refusal}")

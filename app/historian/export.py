@@ -49,6 +49,8 @@ INSIDE = re.compile(
     r"""(?<=[;,\t\r\n])("*)(?=[=+\-@|%])(?!(?:[+-]?\d[\d.]*|[+\-@|%])(?:[;,\t\r\n]|$))""",
 )
 """Where a cell begins for a program that is set to other separators than the file has, which no quotes prevent; neither number nor sign."""
+CONTROLS = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029]")
+"""Signs that are none in a cell, ends of lines among them: a space stands for each."""
 WHOLE = 2.0**53
 """Up to here every whole number is stored to the last unit."""
 DIGITS = 15
@@ -216,10 +218,10 @@ class Sheet:
 
     def _cell(self, text: str) -> str:
         """A text as one cell: no formula, no end of line, quoted where it must be."""
-        return self._quoted(defused(text))
+        return self._quoted(defused(text[:1] + CONTROLS.sub(" ", text[1:])))
 
     def _quoted(self, text: str) -> str:
-        text = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029]", " ", text)
+        text = CONTROLS.sub(" ", text)
         return '"' + text.replace('"', '""') + '"' if re.search('[;,"]', text) else text
 
     def _comment(self, text: str) -> str:

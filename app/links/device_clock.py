@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from math import inf
 
+from app.clock import is_moment
 from app.registers import plc_map
 from app.registers.plc_map import TimeQuality
 
@@ -60,11 +61,10 @@ class DeviceClock:
         """Nothing will be asked any more that happened in the start before this one: its times may come again."""
         self._before = None
 
-    def utc(self, time: int) -> int:
-        """Device time `time` [µs] as µs UTC."""
-        if self._before and self._is_before(time):
-            return time + self._before[1]
-        return time + (self._offset or 0)
+    def utc(self, time: int, *, instead: int = 0) -> int:
+        """Device time `time` [µs] as µs UTC; `instead` of one that no calendar has: that is no time."""
+        offset = self._before[1] if self._before and self._is_before(time) else self._offset or 0
+        return time + offset if is_moment(time + offset) else instead
 
     def boot(self, time: int) -> int:
         """Start of the device in which `time` was."""

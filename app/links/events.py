@@ -259,7 +259,7 @@ class EventReader:
         events = [
             HostEvent(
                 event.sequence,
-                self._clock.utc(event.time),
+                self._clock.utc(event.time, instead=seen),
                 seen,
                 event.code,
                 event.source,

@@ -138,10 +138,8 @@ class Operation:
         plc = station.service(PlcUnit) if station else None
         if plc is None or not point.usable or not isinstance(point.value, int | float):
             return ""
-        time = plc.clock.utc(int(point.value))
-        return fmt.moment_or_time(
-            time, self.zone, self.equipment.lang, self.runtime.clock.micros(), milliseconds=milliseconds
-        )
+        time, now = plc.clock.utc(int(point.value)), self.runtime.clock.micros()
+        return fmt.moment_or_time(time, self.zone, self.equipment.lang, now, milliseconds=milliseconds) if time else ""
 
     @property
     def adjustable(self) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 from zoneinfo import ZoneInfo
 
-from app.clock import Clock
+from app.clock import Clock, is_moment
 from app.plant.definitions import Command, Equipment, Kind, Plant, Point, Setpoint
 from app.plant.derive import TIME_UNIT
 from app.plant.texts import Texts, fill
@@ -398,8 +398,10 @@ def point_view(
         drawn = known.get(_plain(value)) or unknown.replace("{value}", _plain(value))
     elif isinstance(value, str):
         drawn = value
-    elif shown_as == "time":
+    elif shown_as == "time" and is_moment(int(value)):
         drawn = fmt.moment_or_time(int(value), zone, lang, runtime.clock.micros())
+    elif shown_as == "time":
+        drawn = unknown.replace("{value}", _plain(value))
     else:
         drawn = fmt.number(value, point.decimals, lang)
     return PointView(

@@ -48,7 +48,7 @@ function qualityWords(q) {
 function write(value, as, item) {
   if (as === "enum") return item.texts[value] ?? texts.unknown.replace("{value}", value);
   if (typeof value === "string" || as === "text") return String(value);
-  if (as === "time") return format.momentOrTime(value, zone, lang, server.time);
+  if (as === "time") return value >= -62135510400e6 && value < 253402128e9 ? format.momentOrTime(value, zone, lang, server.time) : texts.unknown.replace("{value}", value);
   if (as === "hex") return format.hexadecimal(value);
   if (as === "duration") return format.duration(value, lang);
   const number = format.number(value, item.decimals, lang);

@@ -4,6 +4,7 @@ import pytest
 
 from app.links.device_clock import DeviceClock
 from app.registers import plc_map
+from app.registers.plc_map import TimeQuality
 
 
 def header(boots: int, time: int, quality: int = 0) -> list[int]:
@@ -79,3 +80,11 @@ def test_the_first_event_of_a_start_after_a_standstill_is_none_of_the_start_befo
     assert clock.boot(1_000_000) == (2 if stood else 1)
     assert clock.utc(1_000_000) == (58_000_000 if stood else 50_000_000)
     assert (clock.utc(999_000), clock.boot(999_000)) == (49_999_000, 1)
+
+
+@pytest.mark.parametrize("time", [2**64 - 1, 2**63, 10**18])
+def test_a_time_that_no_calendar_has_is_none(time: int) -> None:
+    """Of a device that keeps UTC itself, or says that it does: an event has the time then at which it was read."""
+    clock = DeviceClock()
+    take(clock, header(1, 1_700_000_000_000_000, TimeQuality.SYNCHRONISED), 5, 6)
+    assert (clock.utc(time), clock.utc(time, instead=1_700_000_000_500_000)) == (0, 1_700_000_000_500_000)

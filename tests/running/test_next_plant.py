@@ -114,12 +114,12 @@ async def test_an_error_while_taking_them_brings_the_former_plant_back(
         assert gate is not None
         take = gate.take
 
-        def fail(definitions: Any) -> None:
+        def fail(definitions: Any, timezone: str) -> None:
             nonlocal broken
             broken -= 1
             if broken == 0:
                 raise RuntimeError("no room")
-            take(definitions)
+            take(definitions, timezone)
 
         monkeypatch.setattr(gate, "take", fail)
         answer = await plant.take(DEMO + M3)

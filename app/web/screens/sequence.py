@@ -193,8 +193,9 @@ class SequenceView:
         return [self.step(number) for number in range(1, self.total + 1)]
 
     def step(self, number: int) -> StepView:
-        """Step `number`, from 1."""
-        label = self.equipment.words(self.definition.steps[number - 1].label)
+        """Step `number`, from 1; one that the definition does not have is called by its number."""
+        known = 0 < number <= len(self.definition.steps)
+        label = self.equipment.words(self.definition.steps[number - 1].label) if known else f"#{number}"
         prefix = f"step_{number}_"
         points = self.equipment.equipment.points
         columns = self.equipment.equipment.type.tables["step"].columns
@@ -408,7 +409,7 @@ class SequenceView:
     def _wait(self, step: int, maximum: float | None) -> str:
         """What one step waits for."""
         text = self.equipment.text
-        if self.definition.steps[step - 1].orders and self.plant.pending:
+        if 0 < step <= self.total and self.definition.steps[step - 1].orders and self.plant.pending:
             return text("sequence.screen.head.pending")
         if maximum == 0:
             return text("sequence.screen.head.stays")
