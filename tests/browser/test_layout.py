@@ -142,6 +142,28 @@ def test_a_panel_of_ten_inches_shows_all_of_a_page_without_pushing_it_aside(abno
     assert found == [], "\n".join(["", *found])
 
 
+WIDEST = """() => { // the longest state of each drive, and figures that are doubtful
+  for (const one of document.querySelectorAll(".cc-axes [data-texts]")) {
+    const longest = Object.values(JSON.parse(one.dataset.texts)).sort((a, b) => b.length - a.length)[0];
+    one.textContent = (one.dataset.pattern ?? "{}").replace("{}", longest);
+  }
+  for (const one of document.querySelectorAll(".cc-axes .val")) {
+    [one.dataset.q, one.querySelector("b").textContent] = ["uncertain", "-1234,5"];
+  }
+}"""
+
+
+@pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
+def test_the_axes_of_a_coil_car_stay_in_sight_whatever_they_say_on_a_panel_of_ten_inches(
+    abnormal: Page, lang: str
+) -> None:
+    speak(abnormal, lang, origin(abnormal))
+    lay_out(abnormal, *BETWEEN["a panel of ten inches"], "desk")
+    open_page(abnormal, origin(abnormal) + "/equipment/cc1")
+    abnormal.evaluate(WIDEST)
+    assert [*abnormal.evaluate(FAULTS), *abnormal.evaluate(SIDEWAYS)] == []
+
+
 FLOOD = """() => { // alarms with long names, and as many as in a flood
   for (const one of document.querySelectorAll(".alist .a-open > span:last-child")) one.textContent = "Umrichter: Ausgangsphasenausfall";
   for (const one of document.querySelectorAll(".td tbody .td-l")) one.innerHTML = '<a href="/">08:23 Umrichter: Hardware-Überstrom</a>';
