@@ -189,7 +189,7 @@ def test_an_alarm_about_an_account_tells_a_visitor_not_whose(staff: Staff) -> No
     for page in (*pages, *details):
         answer = staff.client.get(page)
         assert answer.status_code == 200 and "ljudevita" not in answer.text.lower(), page
-    staff.enter("ana", "viewer")
+    staff.enter("vesna", "viewer")
     for page in ("/alarms?tab=journal", "/api/v1/alarms"):
         assert "ljudevita" in staff.client.get(page).text
 
