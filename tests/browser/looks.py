@@ -33,16 +33,7 @@ STOP = """(within) => [...document.querySelectorAll('.cmd.stop')].some((button) 
   return button.checkVisibility() && top >= 0 && bottom <= within + 1;
 })"""
 """Whether Stop is there, no lower than this."""
-CUT = """() => { // commands that lie under Stop or that one has to scroll for, whichever way of operating is chosen
-  const found = new Set(), zone = document.querySelector('.zone:has(.cmd.stop)');
-  if (!zone) return [];
-  const stop = zone.querySelector('.cmd.stop');
-  const look = () => {
-    const end = Math.min(stop.getBoundingClientRect().top, zone.querySelector('.op-list').getBoundingClientRect().bottom);
-    for (const one of zone.querySelectorAll('.cmd:not(.stop), .token'))
-      if (one.checkVisibility() && one.getBoundingClientRect().bottom > end + 1)
-        found.add(`"${one.textContent.trim().replace(/\\s+/g, ' ').slice(0, 40)}" lies lower than where the commands end`);
-  };
+EACH_WAY = """
   const ways = [...zone.querySelectorAll('fieldset label input[type=radio]')].filter((one) => one.parentElement.checkVisibility());
   const chosen = ways.filter((one) => one.checked);
   look();
@@ -53,6 +44,21 @@ CUT = """() => { // commands that lie under Stop or that one has to scroll for, 
   }
   return [...found];
 }"""
+"""The end of a script that has `zone`, the place of the commands, and `look`, which fills the set `found`: it looks in every way of
+operating and leaves the chosen one."""
+CUT = (
+    """() => { // commands that lie under Stop or that one has to scroll for, whichever way of operating is chosen
+  const found = new Set(), zone = document.querySelector('.zone:has(.cmd.stop)');
+  if (!zone) return [];
+  const stop = zone.querySelector('.cmd.stop');
+  const look = () => {
+    const end = Math.min(stop.getBoundingClientRect().top, zone.querySelector('.op-list').getBoundingClientRect().bottom);
+    for (const one of zone.querySelectorAll('.cmd:not(.stop), .token'))
+      if (one.checkVisibility() && one.getBoundingClientRect().bottom > end + 1)
+        found.add(`"${one.textContent.trim().replace(/\\s+/g, ' ').slice(0, 40)}" lies lower than where the commands end`);
+  };"""
+    + EACH_WAY
+)
 SMALLEST = """(least) => { // commands and what leads to them that a finger misses; a way of operating is one press, not a motion
   const found = [];
   for (const [kind, chosen, px] of [['command', '.zone .cmd', least.command], ['Stop', '.zone .cmd.stop', least.stop],

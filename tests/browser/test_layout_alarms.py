@@ -5,14 +5,15 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.looks import CUT, FAULTS, open_page
+from tests.browser.looks import CUT, EACH_WAY, FAULTS, open_page
 from tests.browser.station import LANGUAGES, Sit, Stations, built, fault, lay_out, let_go, origin, serving, speak, take
 from tests.browser.test_layout_machines import MACHINES
 
 DESKS = ((1280, 800), (1024, 768), (1366, 768), (1280, 720))
 TRIPPED = {"m1": 13, "a1": 7900}
 """Machine → the fault that it has."""
-UNTOLD = """() => { // refused commands whose reason stands nowhere among them, whichever way of operating is chosen
+UNTOLD = (
+    """() => { // refused commands whose reason stands nowhere among them, whichever way of operating is chosen
   const found = new Set(), zone = document.querySelector('.zone:has(.cmd.stop)');
   const seen = (e) => e.checkVisibility({ visibilityProperty: true }) && getComputedStyle(e).clipPath !== 'inset(50%)' && !e.closest('.vh');
   const look = () => {
@@ -22,17 +23,9 @@ UNTOLD = """() => { // refused commands whose reason stands nowhere among them, 
       if (one.checkVisibility() && !said.includes(why.replace(/, [^,]*\\d[^,]*$/, ''))) // without how many more there are
         found.add(`"${one.querySelector('.cmd-t').firstChild.data.trim()}" does not say "${why}"`);
     }
-  };
-  const ways = [...zone.querySelectorAll('fieldset label input[type=radio]')].filter((one) => one.parentElement.checkVisibility());
-  const chosen = ways.filter((one) => one.checked);
-  look();
-  for (const one of [...ways, ...chosen]) {
-    one.checked = true;
-    one.dispatchEvent(new Event('change', { bubbles: true }));
-    look();
-  }
-  return [...found];
-}"""
+  };"""
+    + EACH_WAY
+)
 UNREAD = """() => [...document.querySelectorAll('main .sp-field input, .zone .sp-field input')]
   .filter((one) => one.checkVisibility() && one.scrollWidth > one.clientWidth + 1).map((one) => `"${one.value}" of ${one.id} is cut`)"""
 
