@@ -15,11 +15,13 @@ SIZES = {
     "phone": (390, 844, "desk"),
     "wide": (1920, 1080, "desk"),
 }
-LONGEST = """() => { // every state as its longest text, until the next value of its point comes
+LONGEST = """(byWord) => { // every state as its longest text or the one of the longest word, until the next value of its point comes
+  const length = (text) => (byWord ? Math.max(...text.split(/[ \\u00ad]/).map((word) => word.length)) : text.length);
   for (const element of document.querySelectorAll('main [data-texts], aside [data-texts]')) {
     if (element.children.length || element.tagName === 'tspan') continue;
     const { texts, pattern } = element.dataset;
-    const [longest] = Object.values(JSON.parse(texts)).filter((text) => typeof text === 'string').sort((a, b) => b.length - a.length);
+    const [longest] = Object.values(JSON.parse(texts)).filter((text) => typeof text === 'string')
+      .sort((a, b) => length(b) - length(a));
     if (longest) element.textContent = (pattern || '{}').replace('{}', longest);
   }
 }"""
