@@ -84,6 +84,8 @@ class Expression:
     needs_argument: bool = False
     ages: frozenset[str] = frozenset()
     """Points whose age it asks for: it changes although no value does."""
+    compared: frozenset[tuple[str, float]] = frozenset()
+    """Points and the numbers that it asks whether they are: `mode == 1`, `mode in (1, 2)`."""
     _step: _Step = field(default=lambda look, age, argument: None, repr=False, compare=False)
 
     def evaluate(
@@ -147,7 +149,14 @@ def parse(text: str, *, machines: bool = False) -> Expression:
         raise _error(sentence, 1, said("mistake.a_mistake", parser=_parser_words(str(error))), EXPECTED) from error
     compiler = _Compiler(sentence, machines=machines)
     step = compiler.build(tree.body, 0)
-    return Expression(text, frozenset(compiler.names), compiler.argument, frozenset(compiler.ages), step)
+    return Expression(
+        text,
+        frozenset(compiler.names),
+        compiler.argument,
+        frozenset(compiler.ages),
+        frozenset(compiler.compared),
+        step,
+    )
 
 
 def number(
@@ -170,6 +179,7 @@ class _Compiler:
         self.machines = machines
         self.names: set[str] = set()
         self.ages: set[str] = set()
+        self.compared: set[tuple[str, float]] = set()
         self.argument = False
 
     def build(self, node: ast.expr, depth: int) -> _Step:
@@ -230,12 +240,26 @@ class _Compiler:
             members = comparators[0]
             if not isinstance(members, ast.Tuple) or not members.elts:
                 raise self._wrong(members, f"`{ast.unparse(members)[:40]}`", said("mistake.members"))
+            for item in members.elts:
+                self._compare(left, item)
             inside = _member(self.build(left, depth + 1), [self.build(item, depth + 1) for item in members.elts])
             return _negation(inside) if isinstance(ops[0], ast.NotIn) else inside
         if any(type(op) not in _COMPARE for op in ops):
             raise self._wrong(node, f"`{ast.unparse(node)[:40]}`", said("mistake.comparison"))
+        for op, one, other in zip(ops, (left, *comparators), comparators, strict=False):
+            if isinstance(op, ast.Eq | ast.NotEq):
+                self._compare(one, other)
         terms = [self.build(term, depth + 1) for term in (left, *comparators)]
         return _chain([_COMPARE[type(op)] for op in ops], terms)
+
+    def _compare(self, one: ast.expr, other: ast.expr) -> None:
+        """Remember the point and the number when it is one with the other, whichever stands first."""
+        for point, number in ((one, other), (other, one)):
+            name, sign = self._point(point), 1
+            if isinstance(number, ast.UnaryOp) and isinstance(number.op, ast.USub):
+                number, sign = number.operand, -1
+            if name and isinstance(number, ast.Constant) and isinstance(number.value, int | float):
+                self.compared.add((name, sign * number.value))
 
     def _call(self, node: ast.expr, name: str, arguments: list[ast.expr], depth: int) -> _Step:
         if name in _QUALITY or name == "age":

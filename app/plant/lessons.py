@@ -39,6 +39,7 @@ from app.plant.lesson_definition import MOMENTS, NO_FAULT, Choice, Deed, Lesson,
 from app.plant.problems import Problem
 from app.plant.said import Plain, said
 from app.plant.tables import MISSING, NONE, Source, Table, meant_as_toml, perhaps
+from app.plant.type_files.sentences import check_choices
 
 FOLDER = "lessons"
 NAME = r"[a-z][a-z0-9_]{0,31}"
@@ -188,6 +189,7 @@ def _check_sentence(row: Table, text: str, kind: EquipmentType) -> None:
         row.note("until", name, said("mistake.point_of_type", owner=kind.name, near=perhaps(near[0] if near else "")))
     if sentence.needs_argument:
         row.note("until", expression.ARGUMENT, said("mistake.lesson_argument"))
+    check_choices(row, "until", text, kind.points.get)
 
 
 def _named(file: str) -> bool:

@@ -34,7 +34,7 @@ The points that they lie on are read in plant/type_files/tables.py.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from app.plant.definitions import Device, Image, PlcMap, Register, Scan, TableMap, Type
 from app.plant.said import Plain, said
@@ -52,6 +52,7 @@ WRITE_SEVERAL = 16
 """Function code that commands and setpoints are sent with."""
 AROUND_SETTINGS = 3
 """Words of a settings image around its values: generation, count, generation."""
+WORDS_OF_SETPOINT = 2
 SMALLEST_ROW = 5
 """Id of two words, generation, state, generation."""
 MOST_SLOTS = 10_000
@@ -89,28 +90,53 @@ def read_plc(head: Table, device: Device) -> PlcMap | None:
 
 def _check_areas(table: Table, plc: PlcMap, device: Device) -> None:
     """No two areas share registers, none lies on those that every map has in the same place, and one telegram takes an image whole."""
+    areas = _areas(plc)
+    for key, image in areas:
+        if image.words > device.max_read and key != "staging":
+            table.note(key, image.words, said("mistake.image_read", most=device.max_read))
+    for index, (key, image) in enumerate(areas):
+        _check_free(table, "images" if key == "settings" else key, image, [other for _, other in areas[:index]])
+        _check_fixed(table, key, image, plc)
+
+
+def _areas(plc: PlcMap) -> list[tuple[str, Image]]:
+    """What a map says where it lies, by key: images, settings, and the place where a set of them is put before it is committed."""
     areas = [("images", image) for image in plc.images]
     if plc.settings:
         areas.append(("settings", plc.settings))
-    for key, image in areas:
-        if image.words > device.max_read:
-            table.note(key, image.words, said("mistake.image_read", most=device.max_read))
-    if plc.settings and table.has("staging"):
+    if plc.settings and plc.staging:
         areas.append(("staging", Image(plc.staging, max(1, plc.settings.words - AROUND_SETTINGS))))
+    return areas
+
+
+def _check_free(table: Table, key: str, image: Image, others: Iterable[Image]) -> None:
+    for other in others:
+        if _meet(image, other):
+            table.note(key, f"0x{image.address:04X}", said("mistake.image_free", address=f"0x{other.address:04X}"))
+
+
+def _check_fixed(table: Table, key: str, image: Image, plc: PlcMap) -> None:
+    """Nothing lies on what every map has in the same place."""
     fixed = [Image(plc_map.HEADER, plc_map.HEADER_WORDS), Image(plc_map.COMMAND, plc_map.COMMAND_WORDS)]
     fixed += [Image(plc_map.ANSWERS, plc_map.ANSWERS_WORDS), Image(plc_map.HOLD, plc_map.HOLD_WORDS)]
     fixed += [Image(plc_map.EVENTS, plc_map.EVENTS_END - plc_map.EVENTS)] if plc.events else []
-    for index, (key, image) in enumerate(areas):
-        for _, other in areas[:index]:
-            if _meet(image, other):
-                shown = "images" if key == "settings" else key
-                table.note(
-                    shown, f"0x{image.address:04X}", said("mistake.image_free", address=f"0x{other.address:04X}")
-                )
-        for other in fixed:
-            if _meet(image, other):
-                first, last = f"0x{other.address:04X}", f"0x{other.address + other.words - 1:04X}"
-                table.note(key, f"0x{image.address:04X}", said("mistake.map_free", first=first, last=last))
+    for other in fixed:
+        if _meet(image, other):
+            first, last = f"0x{other.address:04X}", f"0x{other.address + other.words - 1:04X}"
+            table.note(key, f"0x{image.address:04X}", said("mistake.map_free", first=first, last=last))
+
+
+def check_tables(
+    file: Table, plc: PlcMap, tables: Mapping[str, TableMap], ranges: Mapping[str, tuple[float, float]]
+) -> None:
+    """No table lies on an area of the map or on another table, however many slots a machine gives it."""
+    found: list[Image] = [area for _, area in _areas(plc)]
+    for key, map in tables.items():
+        most = int(ranges[map.capacity][1]) if map.capacity in ranges else int(map.capacity)
+        area = Image(map.address, TABLE_HEAD + most * map.row)
+        _check_free(file.table(key), "address", area, found)
+        _check_fixed(file.table(key), "address", area, plc)
+        found.append(area)
 
 
 def _meet(one: Image, other: Image) -> bool:
@@ -279,6 +305,17 @@ def inside(image: Image | None, register: Register | None) -> bool:
     if image is None or register is None or register.table != "holding":
         return False
     return image.address + 2 <= register.address and register.address + register.words < image.address + image.words
+
+
+def check_setpoint(row: Table, map: PlcMap, register: Register | None) -> None:
+    """Each setpoint of the settings takes two words of its own: the PLC counts them so."""
+    assert map.settings is not None
+    assert register is not None
+    place = register.address - map.settings.address - 2
+    if register.words != WORDS_OF_SETPOINT or place % WORDS_OF_SETPOINT or register.mask is not None:
+        row.note(
+            "", Plain(f"0x{register.address:04X}"), said("mistake.two_words", first=f"0x{map.settings.address + 2:04X}")
+        )
 
 
 def cell_key(table: str, slot: int, column: str) -> str:

@@ -22,6 +22,7 @@ from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceOrder
 from app.plant.sequence_recipe import check_whole
 from app.plant.tables import MISSING, Table, one_of, perhaps, span
 from app.plant.type_files.orders import expected_action
+from app.plant.type_files.sentences import check_choices
 
 
 def own(names: Sequence[str] | frozenset[str]) -> list[str]:
@@ -44,7 +45,17 @@ def commanding(plant: Plant, machine: str) -> list[Equipment]:
 
 
 def check_points(table: Table, key: str, text: str, names: Sequence[str], found: Mapping[str, Equipment]) -> None:
-    """Note every one of `names`, `equipment.point` each, that the plant does not have as a number that is read in turn."""
+    """Note every one of `names`, `equipment.point` each, that the plant does not have as a number that is read in turn, or that is
+    compared with a choice that it does not have."""
+    known = {name: found[name.partition(".")[0]] for name in names if name.partition(".")[0] in found}
+    if text not in names:  # one name is no sentence
+        check_choices(
+            table,
+            key,
+            text,
+            lambda name: known[name].points.get(name.partition(".")[2]) if name in known else None,
+            machines=True,
+        )
     for name in names:
         machine, _, point = name.partition(".")
         item = found.get(machine)

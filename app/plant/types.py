@@ -44,7 +44,7 @@ from types import MappingProxyType
 from app import bundled
 from app.errors import ConfigurationError
 from app.plant import drive_parameters, plc, record_kinds, register_parameters
-from app.plant.definitions import EquipmentType, Kind
+from app.plant.definitions import EquipmentType
 from app.plant.problems import Problem
 from app.plant.said import said
 from app.plant.services import read_services
@@ -294,13 +294,13 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         for language in languages
     }
     registers_of = {key: data.point.register for key, data in points.found.items()}
-    unread = [key for key, one in registers_of.items() if one and not one.readable]
-    kinds_of = {key: data.point.kind for key, data in points.found.items()}
-    sentences.check(points.found, name, unread, [key for key, kind in kinds_of.items() if kind is Kind.TEXT])
+    sentences.check({key: data.point for key, data in points.found.items()}, name)
     check_registers(points.found.values(), files.sources)
     check_telegrams(points.found.values(), device, files.sources)
     if device.plc:
         plc.check_points(head, device.plc, registers_of, tuple(events))
+        if not table_file.source.problems:  # a place or a number of rows that is wrong would tell what follows from it
+            plc.check_tables(table_file, device.plc, tables, options.ranges)
         if not head.source.problems:  # of an image that is wrong it would tell what follows from it
             check_generations(points.found.values(), device.plc, files.sources)
     kind = EquipmentType(

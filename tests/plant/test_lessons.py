@@ -60,6 +60,7 @@ def test_a_plant_has_the_lessons_of_its_types_and_its_own(folder: Path) -> None:
         ('type = "eura_e800"', 'type = "eura"', ["lesson.type", '"eura"', "eura_e800"]),
         ('about = "What one learns"\n', "", ["lesson.about", "missing"]),
         ('"status == 1"', '"statas == 1"', ["steps.0.until", "statas", "perhaps status"]),
+        ('"status == 1"', '"status == 77"', ["steps.0.until", "a choice that status has: ", "77 it never is"]),
         ('"status == 1"', '"status = 1"', ["steps.0.until", "status = 1"]),
         ('"status == 1"', '"argument == 1"', ["steps.0.until", "argument"]),
         ("hold = 2", "hold = -2", ["steps.0.hold", "-2", "from 0 to 600"]),

@@ -180,6 +180,28 @@ MISTAKES = [
     ("points", "address = 0x0103", "address = 0x010F", "count.address", "other than 0x010F"),
     ("setpoints", "address = 0x0202", "address = 0x0201", "speed.address", "other than 0x0201"),
     ("points", "address = 0x0204", "address = 0x0206", "delay.address", "other than 0x0207"),
+    ("setpoints", "address = 0x0202", "address = 0x0203", "speed", "two registers of its own"),
+    (
+        "setpoints",
+        'type = "f32"',
+        'type = "u16"',
+        "speed",
+        "two registers of its own (f32, u32 or i32), each second one from 0x0202",
+    ),
+    ("tables", "address = 0x0800", "address = 0x07FC", "product.address", "other than 0x0400–0x07FF"),
+    ("device", "0x0200, words", "0x1000, words", "product.address", "the image at 0x1000 does not use"),
+    ("device", "0x0240", "0x0900", "product.address", "the image at 0x0900 does not use"),
+    (
+        "tables",
+        "shift = 1",
+        'shift = 1\nkind = "bool"\n[other]\naddress = 0x0900\nrow = 16\ncapacity = 1\n[other.columns.id]\noffset = 0\n'
+        'type = "u32"\n[other.columns.left]\noffset = 6\nmask = 1',
+        "other.address",
+        "the image at 0x0800 does not use",
+    ),
+    ("commands", "timeout = 3", "timeout = 3601", "stop.timeout", "seconds above 0, at most 3600"),
+    ("commands", 'feedback = "state == 1"', 'feedback = "state == 7"', "start.feedback", "7 it never is"),
+    ("alarms", 'expression = "count > 4"', 'expression = "state == 7"', "late.expression", "7 it never is"),
     ("commands", "code = 2", "code = 1", "stop.code", "no other command has: it is that of start"),
     ("commands", "code = 4", "code = 0xF0", "clear.code", "makes staged settings valid"),
     (

@@ -28,6 +28,7 @@ def test_a_right_one_has_none(tmp_path: Path) -> None:
         ("frequency = 30", "frequency = 5000", "a number from 0 to 650 for m1"),
         ("{ frequency = 30 }", "{}", "a number: run_forward needs frequency"),
         ("{ frequency = 30 }", "{ frequency = 30, speed = 3 }", "a value of run_forward: one of frequency"),
+        ("m1.status != 4", "m1.status != 77", "a choice that m1.status has: "),
         ("m1.status != 4", "m1.statsu != 4", "it has no statsu (perhaps m1.status)"),
         ("m1.status != 4", "m9.status != 4", "points of equipment of the plant; m9 is none"),
         ('value = "m1.frequency"', 'value = "m1.frequencies"', "perhaps m1.frequency"),

@@ -19,6 +19,8 @@ LEVELS = ("C0", "C1", "C2", "C3", "C4")
 SPECIAL_VALUES = ("argument", "previous")
 ORDERS = ("code", "hold_bits")
 """What a command of a Pogon PLC is sent as, instead of `writes`."""
+LONGEST_WAIT = 3600
+"""Seconds after which a command that nothing confirmed has failed, at most: nobody waits longer at a button."""
 ROUNDING = 1e-6
 """How far a number may be from a step of its register, in steps: 0.3 is no multiple of 0.1 to a computer."""
 
@@ -110,8 +112,8 @@ class CommandReader:
         timeout = table.raw("timeout", 5)
         if isinstance(timeout, str):
             self.sentences.add(table, "timeout", timeout, argument=True)
-        elif not is_number(timeout) or not timeout > 0:
-            table.note("timeout", timeout, said("mistake.seconds"))
+        elif not is_number(timeout) or not 0 < timeout <= LONGEST_WAIT:
+            table.note("timeout", timeout, said("mistake.seconds", most=LONGEST_WAIT))
         return str(timeout)
 
     def _level_when(self, table: Table) -> tuple[str, str] | None:

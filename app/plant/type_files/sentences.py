@@ -1,11 +1,12 @@
 """Expressions in the files of a type: they may name points that are read later, so they are checked when all are known."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 
 from app.errors import ConfigurationError
 from app.plant import expression
 from app.plant.actions import BEFORE
+from app.plant.definitions import Kind, Point
 from app.plant.said import said
 from app.plant.tables import Table
 
@@ -26,17 +27,18 @@ class Sentences:
         beside what points said before that (`before.speed`)."""
         self._found.append((table, key, text, argument, given))
 
-    def check(
-        self, points: Collection[str], owner: str, unread: Collection[str] = (), texts: Collection[str] = ()
-    ) -> None:
-        """Note every one that is no sentence, or that reads what `owner` has not among its `points`, what is only written (`unread`), or a
-        number of what is a text (`texts`)."""
+    def check(self, points: Mapping[str, Point], owner: str) -> None:
+        """Note every one that is no sentence, or that reads what `owner` has not among its `points`, what is only written, or a number of
+        what is a text; and what is compared with a choice that its point does not have."""
+        unread = {key for key, point in points.items() if point.register and not point.register.readable}
+        texts = {key for key, point in points.items() if point.kind is Kind.TEXT}
         for table, key, text, argument, given in self._found:
             check_expression(table, key, text, points, owner, argument=argument, given=given)
-            for name in sorted((names_in(text) or frozenset()) & set(unread)) if key != "feedback" else ():
+            for name in sorted((names_in(text) or frozenset()) & unread) if key != "feedback" else ():
                 table.note(key, text, said("mistake.read_point", point=name))
-            for name in sorted((names_in(_OF_QUALITY.sub("0", text)) or frozenset()) & set(texts)):
+            for name in sorted((names_in(_OF_QUALITY.sub("0", text)) or frozenset()) & texts):
                 table.note(key, text, said("mistake.point_is_text", point=name))
+            check_choices(table, key, text, points.get, machines=given is not None)
 
 
 def check_expression(
@@ -63,6 +65,30 @@ def check_expression(
         table.note(key, text, said("mistake.points_of_type", owner=owner, point=name))
     if parsed.needs_argument and not argument:
         table.note(key, text, said("mistake.no_argument"))
+
+
+def check_choices(
+    table: Table, key: str, text: str, find: Callable[[str], Point | None], *, machines: bool = False
+) -> None:
+    """Note what of a sentence can never be so: a point that is compared with a choice which it does not have. `find`: the point that a name
+    means; None when there is none, which is told elsewhere."""
+    try:
+        compared = expression.parse(text, machines=machines).compared
+    except ConfigurationError:
+        return
+    for name, number in sorted(compared):
+        point = find(name.removeprefix(BEFORE) if machines else name)
+        choices = choices_of(point) if point else frozenset()
+        if choices and number not in choices:
+            known = ", ".join(f"{one}" for one in sorted(choices))
+            table.note(key, text, said("mistake.choice_of_point", point=name, number=f"{number:g}", known=known))
+
+
+def choices_of(point: Point) -> frozenset[int]:
+    """Numbers that `point` can be; empty when it is none of a few."""
+    if point.kind is Kind.BOOL:
+        return frozenset((0, 1))
+    return frozenset(point.texts) if point.kind is Kind.ENUM else frozenset()
 
 
 def read_values(table: Table, sentences: Sentences) -> dict[str, str]:

@@ -78,6 +78,8 @@ def read_setpoints(
             register = points.found[key].point.register
             if register is None or not (register.writable and register.readable):
                 row.note("", key, said("mistake.settable", point=key))
+        if map and key in points.found and plc.inside(map.settings, points.found[key].point.register):
+            plc.check_setpoint(row, map, points.found[key].point.register)
         if key in points.found:
             _check_written(row, points.found[key].point, setpoint, low, high)
         if setpoint.code and (other := codes.setdefault(setpoint.code, key)) != key:

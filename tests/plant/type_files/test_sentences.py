@@ -4,8 +4,16 @@ from pathlib import Path
 
 import pytest
 
+from app.plant.definitions import Kind, Point
 from app.plant.tables import Source
 from app.plant.type_files.sentences import Sentences, names_in
+
+POINTS = {
+    "speed": Point("t.speed", "t.speed", "t", "speed", "speed"),
+    "state": Point("t.state", "t.state", "t", "state", "state", kind=Kind.ENUM, texts={0: "off", 1: "on", 2: "fault"}),
+    "open": Point("t.open", "t.open", "t", "open", "open", kind=Kind.BOOL),
+    "free": Point("t.free", "t.free", "t", "free", "free", kind=Kind.ENUM),
+}
 
 
 def judged(folder: Path, text: str, *, argument: bool = False) -> list[tuple[str, str, int | None]]:
@@ -14,11 +22,22 @@ def judged(folder: Path, text: str, *, argument: bool = False) -> list[tuple[str
     source = Source(file, "x.toml")
     sentences = Sentences()
     sentences.add(source.table().table("go"), "feedback", text, argument=argument)
-    sentences.check(("speed", "state"), "thing")
+    sentences.check(POINTS, "thing")
     return [(problem.key, problem.expected, problem.line) for problem in source.problems]
 
 
-@pytest.mark.parametrize("text", ["state == 1", "speed > 5 and state != 2", "abs(speed - state) < 1"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "state == 1",
+        "speed > 5 and state != 2",
+        "abs(speed - state) < 1",
+        "state in (0, 1, 2)",
+        "state > 7",  # no choice is meant: it is one in the order of them
+        "0 == open",
+        "speed == 7 or free == 7 or state + 5 == 7",
+    ],
+)
 def test_a_sentence_over_points_that_are_there_is_one(tmp_path: Path, text: str) -> None:
     assert judged(tmp_path, text) == []
 
@@ -28,6 +47,13 @@ def test_a_sentence_over_points_that_are_there_is_one(tmp_path: Path, text: str)
     [
         ("stat == 1", ["names of points of thing; it has no stat"]),
         ("b > a", ["names of points of thing; it has no a", "names of points of thing; it has no b"]),
+        ("state == 7", ["a choice that state has: 0, 1, 2; 7 it never is"]),
+        ("state != 7", ["a choice that state has: 0, 1, 2; 7 it never is"]),
+        ("speed > 1 and not 7 == state", ["a choice that state has: 0, 1, 2; 7 it never is"]),
+        ("state in (1, -1)", ["a choice that state has: 0, 1, 2; -1 it never is"]),
+        ("state == 0.5", ["a choice that state has: 0, 1, 2; 0.5 it never is"]),
+        ("open == 2", ["a choice that open has: 0, 1; 2 it never is"]),
+        ("0 < state == 7", ["a choice that state has: 0, 1, 2; 7 it never is"]),
         ("speed == argument", ["no `argument` here: nobody enters one"]),
     ],
 )
