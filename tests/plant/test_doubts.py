@@ -65,6 +65,8 @@ ROW = ALARM + 'cause = "a"\nresponse = "b"\n[equipment.l1]'
         ("device", "valve", 'area = "water"\n', "", "plant.toml:9: equipment.v1.area = missing", "nor type valve names one"),
         ("device", "meter", "[options.rated_power]", SPARE_OPTION, 'meter/device.toml:10: options.spare = "spare"', "that use spare"),
         ("points", "meter", "[switch]", SPARE_POINT, "meter/points.toml:26: spare.readable = false", "that writes spare"),
+        ("points", "meter", "address = 18", 'address = 18\norder = "cdab"', 'order = "cdab"', "badc, where its two bytes are exchanged"),
+        ("points", "meter", "address = 18", 'address = 18\norder = "badc"', "", ""),
         ("simulation", "scale", "set = { zeroed = 1, command = 0 }", "set = { command = 0 }", "", ""),
         ("simulation", "logger", "every = 1", "every = 2", "", ""),
         ("plant", "", "[equipment.l1]", ROW, "alarms.0.consequence = missing", "a text for the operator, who reads a dash"),

@@ -75,6 +75,8 @@ def read_register(table: Table, *, writable: bool, address: int | None = None) -
         none=_none(table),
     )
     _check_bits(table, register)
+    if register.words == 1 and register.order is Order.CDAB:
+        table.doubt("order", register.order.value, said("mistake.doubt_order"))
     return register
 
 
