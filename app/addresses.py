@@ -1,4 +1,4 @@
-"""Addresses as people write them: HOST:PORT, what a host may be called, and whether it is this machine."""
+"""Addresses as people write them: HOST:PORT, what a host may be called, whether it is this machine, and which are one client's."""
 
 import ipaddress
 import re
@@ -9,6 +9,8 @@ HOST_NAME = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(\.(?!-)[A-Za-z0-9_-]{1,63})*\.
 """As browsers send it and resolvers take it; what is of digits and points alone is an address."""
 LONGEST_HOST = 255
 """[characters]."""
+NETWORK = 64
+"""Bits of an IPv6 address that say whose it is: the rest one client chooses freely (RFC 6177, RFC 8981)."""
 
 
 def host_and_port(text: str) -> tuple[str, int]:
@@ -47,6 +49,32 @@ def is_loopback(host: str) -> bool:
     if host == "localhost":
         return True
     try:
-        return ipaddress.ip_address(host).is_loopback
+        return plain(host).is_loopback
     except ValueError:
         return False
+
+
+def plain(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
+    """The address of `text`: one of IPv4 in the clothes of IPv6 (`::ffff:192.0.2.7`) as IPv4, without the zone.
+
+    Raises:
+        ValueError: it is none.
+    """
+    address = ipaddress.ip_address(text.partition("%")[0])
+    return getattr(address, "ipv4_mapped", None) or address
+
+
+def client_of(text: str) -> str:
+    """What limits per address count by: of IPv4 the address, of IPv6 its network of `NETWORK` bits, all of this machine as one.
+
+    What is no address stays as it is.
+    """
+    try:
+        address = plain(text)
+    except ValueError:
+        return text
+    if address.is_loopback:
+        return "127.0.0.1"
+    if address.version == 4:
+        return str(address)
+    return str(ipaddress.IPv6Network((int(address) >> 128 - NETWORK << 128 - NETWORK, NETWORK)))

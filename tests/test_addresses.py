@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.addresses import as_written, host_and_port, is_loopback
+from app.addresses import as_written, client_of, host_and_port, is_loopback
 from app.errors import ConfigurationError
 
 
@@ -52,6 +52,8 @@ def test_an_address_is_written_as_it_is_read(text: str) -> None:
         ("127.0.0.1", True),
         ("127.8.8.8", True),
         ("::1", True),
+        ("::ffff:127.0.0.1", True),
+        ("::ffff:192.168.1.5", False),
         ("0.0.0.0", False),
         ("::", False),
         ("192.168.1.5", False),
@@ -61,3 +63,19 @@ def test_an_address_is_written_as_it_is_read(text: str) -> None:
 )
 def test_only_what_leaves_the_machine_nowhere_is_loopback(host: str, local: bool) -> None:
     assert is_loopback(host) is local
+
+
+@pytest.mark.parametrize(
+    ("addresses", "client"),
+    [
+        (["192.0.2.7", "::ffff:192.0.2.7", "::ffff:c000:207"], "192.0.2.7"),
+        (["2001:db8:0:1::1", "2001:db8:0:1:ffff:ffff:ffff:ffff", "2001:DB8:0:1::a%eth0"], "2001:db8:0:1::/64"),
+        (["2001:db8:0:2::1"], "2001:db8:0:2::/64"),
+        (["fe80::1", "fe80::2%3"], "fe80::/64"),
+        (["127.0.0.1", "127.8.8.8", "::1", "::ffff:127.0.0.1"], "127.0.0.1"),
+        (["testclient"], "testclient"),
+        ([""], ""),
+    ],
+)
+def test_what_one_client_may_have_of_addresses_counts_as_one(addresses: list[str], client: str) -> None:
+    assert {client_of(address) for address in addresses} == {client}

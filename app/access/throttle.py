@@ -1,4 +1,4 @@
-"""Brakes on guessing: growing delays per account, a token bucket per address. Never a permanent lock: nobody can lock out a shift.
+"""Brakes on guessing: growing delays per account, a token bucket per client of an address. Never a permanent lock: no shift is locked out.
 
 Source: reference/security.md section 4.5 (1, 2, 4 … 60 s after 5 failures; 20 attempts per minute and address).
 """
@@ -6,6 +6,7 @@ Source: reference/security.md section 4.5 (1, 2, 4 … 60 s after 5 failures; 20
 from collections import OrderedDict
 from dataclasses import dataclass
 
+from app.addresses import client_of
 from app.clock import Clock
 
 FREE_FAILURES = 5
@@ -71,9 +72,9 @@ class Throttle:
 
     def take(self, address: str) -> bool:
         """Take one attempt of `address`; False when it has none left."""
-        now = self._clock.monotonic()
-        bucket = self._buckets.setdefault(address, _Bucket(float(BUCKET), now))
-        self._buckets.move_to_end(address)
+        now, client = self._clock.monotonic(), client_of(address)
+        bucket = self._buckets.setdefault(client, _Bucket(float(BUCKET), now))
+        self._buckets.move_to_end(client)
         bucket.tokens = min(float(BUCKET), bucket.tokens + (now - bucket.at) * BUCKET / 60.0)
         bucket.at = now
         while len(self._buckets) > MOST_KEPT:
@@ -85,6 +86,6 @@ class Throttle:
 
     def give_back(self, address: str) -> None:
         """The attempt that `address` took was no guess: whoever comes from there after it has it again."""
-        bucket = self._buckets.get(address)
+        bucket = self._buckets.get(client_of(address))
         if bucket is not None:
             bucket.tokens = min(float(BUCKET), bucket.tokens + 1.0)

@@ -29,6 +29,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from uvicorn.server import ServerState
 from websockets.frames import CloseCode
 
+from app.addresses import client_of
 from app.web.security import BODY_TIME, LARGEST_BODY
 
 LARGEST_HEAD = 32 * 1024
@@ -141,6 +142,7 @@ class Doors:
 
     def enter(self, address: str, now: float, close: Callable[[], object]) -> Place | None:
         """Count a new connection in, at the cost of another stranger's when there are enough; None when nobody can go."""
+        address = client_of(address)
         row = self._rows.get(address)
         if row is not None and len(row) >= self.per_address:
             self._drop(row.oldest(now))

@@ -6,7 +6,6 @@ it checks the permission, and on unsafe methods where the request comes from and
 `check_declared` when the server starts. Identity never comes from another header (Referer, X-Forwarded-User, X-Original-URL …).
 """
 
-import ipaddress
 import logging
 import re
 from collections.abc import Iterable, Mapping
@@ -29,6 +28,7 @@ from app.access.audit.line import printable
 from app.access.roles import PERMISSIONS as OF_ROLES
 from app.access.roles import PUBLIC, RECORDED, Person, may_watch, permissions_of, permitted
 from app.access.signin import HALF_LIFE
+from app.addresses import plain
 from app.errors import ConfigurationError, Refused, StorageError
 from app.plant.definitions import Plant, Point, Scan
 from app.plant.system import FRAME, SYSTEM
@@ -395,11 +395,9 @@ def address_of(scope: Scope) -> str:
     if not client:
         return ""
     try:
-        address = ipaddress.ip_address(str(client[0]).partition("%")[0])
+        address = plain(str(client[0]))
     except ValueError:
         return printable(client[0], 64)
-    mapped = getattr(address, "ipv4_mapped", None)
-    address = mapped or address
     return "127.0.0.1" if address.is_loopback else str(address)
 
 

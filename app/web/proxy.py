@@ -9,7 +9,7 @@ import ipaddress
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.addresses import is_loopback
+from app.addresses import is_loopback, plain
 from app.errors import ConfigurationError
 from app.web.security import refuse
 
@@ -63,7 +63,7 @@ class Proxied:
 
     def _is_proxy(self, address: str) -> bool:
         try:
-            found = ipaddress.ip_address(address)
+            found = plain(address)
         except ValueError:
             return False
         return any(found in network for network in self._proxies)
@@ -76,9 +76,22 @@ def networks(named: str) -> tuple[ipaddress.IPv4Network | ipaddress.IPv6Network,
         ConfigurationError: one is none.
     """
     try:
-        return tuple(ipaddress.ip_network(part.strip()) for part in named.split(",") if part.strip())
+        return tuple(_network(part.strip()) for part in named.split(",") if part.strip())
     except ValueError as error:
         raise ConfigurationError(f"POGON_BEHIND_PROXY={named}: expected IP addresses or networks ({error})") from error
+
+
+def _network(text: str) -> ipaddress.IPv4Network | ipaddress.IPv6Network:
+    """The network of `text`, as `plain` has its addresses.
+
+    Raises:
+        ValueError: it is none.
+    """
+    network = ipaddress.ip_network(text)
+    first = plain(str(network.network_address))
+    if network.version == 6 and first.version == 4 and network.prefixlen >= 96:
+        return ipaddress.IPv4Network((int(first), network.prefixlen - 96))
+    return network
 
 
 def _address(hop: str) -> str:
@@ -94,6 +107,6 @@ def _address(hop: str) -> str:
     if port and not (port.isascii() and port.isdecimal() and len(port) <= 5):
         return ""
     try:
-        return str(ipaddress.ip_address(host))
+        return str(plain(host))
     except ValueError:
         return ""

@@ -28,6 +28,7 @@ from starlette.responses import PlainTextResponse
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from app.access.roles import Person
+from app.addresses import client_of
 from app.commands.gate import Gate
 from app.errors import Refused
 from app.live.frames import Live, Watcher
@@ -117,7 +118,7 @@ class Sockets:
 
         Who is signed in takes the place of the guest who has been there longest.
         """
-        who = ("session", session) if session else ("address", address)
+        who = ("session", session) if session else ("address", client_of(address))
         if self._count[who] >= (self.per_session if session else self.per_address):
             return False
         if not session and (len(self._guests) >= self.most_guests or len(self._open) >= self.most):

@@ -45,6 +45,18 @@ def test_an_address_has_twenty_attempts_and_gets_twenty_a_minute() -> None:
     assert sum(throttle.take("10.0.0.9") for _ in range(50)) == BUCKET
 
 
+def test_the_addresses_of_one_client_share_their_attempts() -> None:
+    throttle = Throttle(ManualClock())
+    ours = [throttle.take(f"2001:db8:0:1::{number:x}") for number in range(BUCKET + 5)]
+    assert ours == [True] * BUCKET + [False] * 5
+    assert throttle.take("2001:db8:0:2::1")
+    throttle.give_back("2001:db8:0:1:ffff::")
+    assert [throttle.take("2001:db8:0:1:8::"), throttle.take("2001:db8:0:1:9::")] == [True, False]
+    old = [throttle.take(address) for address in ["192.0.2.7", "::ffff:192.0.2.7"] * 15]
+    assert old == [True] * BUCKET + [False] * 10
+    assert throttle.take("192.0.2.8")
+
+
 def test_memory_is_bounded() -> None:
     throttle = Throttle(ManualClock())
     for number in range(MOST_KEPT + 500):

@@ -82,6 +82,21 @@ def test_the_address_with_the_most_gives_way() -> None:
     assert rooms.closed == ["attacker 0", "attacker 1", "attacker 2"]
 
 
+def test_a_client_with_a_network_of_addresses_is_one() -> None:
+    rooms = Rooms(strangers=6, per_address=3)
+    for number in range(5):
+        rooms.come(f"attacker {number}", f"2001:db8:0:1::{number:x}")
+    assert rooms.closed == ["attacker 0", "attacker 1"]
+    rooms.come("guest", "2001:db8:0:2::1")
+    rooms.come("mapped", "::ffff:192.0.2.7")
+    rooms.come("same", "192.0.2.7")
+    rooms.come("late", "192.0.2.8")
+    assert rooms.closed == ["attacker 0", "attacker 1", "attacker 2"]
+    for place in rooms.places.values():
+        place.leave()
+    assert (len(rooms.doors), rooms.doors._rows, rooms.doors._unknown) == (0, {}, 0)
+
+
 def test_whoever_is_signed_in_is_no_stranger_and_stays() -> None:
     rooms = Rooms(strangers=2, per_address=2, most=4)
     rooms.come("operator")

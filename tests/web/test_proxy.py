@@ -30,7 +30,9 @@ def client(staff: Staff) -> TestClient:
 @pytest.fixture(scope="module")
 def proxied(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
     app = create_app(
-        Settings(data=tmp_path_factory.mktemp("proxied") / "data", behind_proxy="10.0.0.0/24, 2001:db8::1")
+        Settings(
+            data=tmp_path_factory.mktemp("proxied") / "data", behind_proxy="10.0.0.0/24, 2001:db8::1, ::ffff:10.0.7.1"
+        )
     )
 
     async def who(request: Request) -> Any:
@@ -56,12 +58,15 @@ def proxied(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
         (["2001:db8::9"], "2001:db8::9"),
         (["<script>, 203.0.113.9"], "203.0.113.9"),
         (["10.0.0.8"], "10.0.0.8"),
+        (["::ffff:203.0.113.9"], "203.0.113.9"),
+        (["203.0.113.9, ::ffff:10.0.0.8"], "203.0.113.9"),
     ],
 )
 def test_the_proxy_says_for_whom_it_asks(proxied: TestClient, forwarded: list[str], address: str) -> None:
     headers = [("X-Forwarded-Proto", "https"), *(("X-Forwarded-For", one) for one in forwarded)]
-    answer = knock(proxied, "GET", "/who", headers, peer="10.0.0.7")
-    assert (answer.status, answer.body.decode()) == (200, f"{address} https")
+    for peer in ("10.0.0.7", *(("::ffff:10.0.0.7", "10.0.7.1", "::ffff:10.0.7.1") if forwarded else ())):
+        answer = knock(proxied, "GET", "/who", headers, peer=peer)
+        assert (answer.status, answer.body.decode()) == (200, f"{address} https")
 
 
 RUBBISH = [

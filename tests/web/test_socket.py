@@ -397,6 +397,16 @@ def test_a_session_has_its_tabs_and_a_class_room_its_guests() -> None:
     assert sockets.enter(object(), "a", "s2")  # type: ignore[arg-type]
 
 
+def test_a_guest_with_a_network_of_addresses_is_one() -> None:
+    sockets = Sockets(per_address=3)
+    ours = [Tab() for _ in range(5)]
+    entered = [sockets.enter(one, f"2001:db8:0:1::{n}") for n, one in enumerate(ours)]  # type: ignore[arg-type]
+    assert entered == [True] * 3 + [False] * 2
+    assert sockets.enter(Tab(), "2001:db8:0:2::1")  # type: ignore[arg-type]
+    sockets.leave(ours[1])  # type: ignore[arg-type]
+    assert sockets.enter(ours[4], "2001:db8:0:1::4")  # type: ignore[arg-type]
+
+
 async def test_who_sends_too_much_is_closed_and_nobody_else(served: Served) -> None:
     async with served.open() as loud, served.open() as quiet:
         await ask(quiet)
