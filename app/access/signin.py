@@ -19,6 +19,7 @@ from app.access.accounts import (
     usable_display,
     usable_name,
 )
+from app.access.attempts import Attempts
 from app.access.audit.audit import Audit
 from app.access.audit.line import Entry, printable
 from app.access.factors import GOOD, Factors, factor_of, recovery_used
@@ -98,6 +99,7 @@ class SignIn:
         self._accounts = accounts
         self._tell = tell
         self._halves: OrderedDict[str, _Half] = OrderedDict()
+        self._attempts = Attempts(throttle)
 
     async def with_password(
         self, name: str, password: str, address: str, agent: str, old_sid: str = ""
@@ -110,7 +112,12 @@ class SignIn:
             Refused: 401 `access.failed`, the same for every cause; 429 `access.too_many`.
             StorageError: the database cannot be read, or takes nothing and the person has an initial password or a second factor.
         """
-        await self._take(address)
+        async with self._attempts.one(address):
+            return await self._with_password(name, password, address, agent, old_sid)
+
+    async def _with_password(
+        self, name: str, password: str, address: str, agent: str, old_sid: str
+    ) -> SignedIn | HalfIn:
         key = account_name(name)
         wait = self._throttle.wait(key)
         if wait > 0:
@@ -166,7 +173,10 @@ class SignIn:
             Refused: 401 `access.factor.wrong`; 401 `access.factor.over` when the sign-in has to begin anew; 429 after too many attempts.
             StorageError: the database did not take it.
         """
-        await self._take(address)
+        async with self._attempts.one(address):
+            return await self._give_code(ticket, code, address, agent)
+
+    async def _give_code(self, ticket: str, code: str, address: str, agent: str) -> SignedIn:
         half = self.half(ticket, agent)
         if half is None:
             raise Refused("access.factor.over", 401)
@@ -221,7 +231,12 @@ class SignIn:
                 too many attempts (429).
             StorageError: the database did not take it.
         """
-        await self._take(address)
+        async with self._attempts.one(address):
+            return await self._first(code, name, display, password, address, agent, old_sid)
+
+    async def _first(
+        self, code: str, name: str, display: str, password: str, address: str, agent: str, old_sid: str
+    ) -> SignedIn:
         if self._throttle.wait(FIRST) > 0:
             raise Refused("access.wait", 429, seconds=round(self._throttle.wait(FIRST) + 0.5))
         if not self._first_code.open or await self._db.read(count_accounts) > 0:
@@ -325,10 +340,6 @@ class SignIn:
         self._sessions.note_over((one for one in ended if not old_sid or one != hash_of(old_sid)), "limit")
         self._sessions.announce(ended)
         return signed_in
-
-    async def _take(self, address: str) -> None:
-        if not self._throttle.take(address):
-            raise Refused("access.too_many", 429)
 
     async def _failed(self, key: str, address: str, cause: str, delay: float, said: str = "access.failed") -> NoReturn:
         """Write down why, tell only that.

@@ -1,5 +1,6 @@
 """Letting people in: the first account, passwords, what is said of a failure, and how guessing is slowed down."""
 
+import asyncio
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -11,6 +12,7 @@ from app.access.access import Access
 from app.access.audit.search import Filter
 from app.access.passwords import Cost
 from app.access.sessions import hash_of
+from app.access.throttle import BUCKET
 from app.clock import ManualClock
 from app.errors import Refused, StorageError
 from tests.access.conftest import AGENT, PASSWORD, OpenAccess, add, boss, enter, who
@@ -34,6 +36,19 @@ COMMON_PAIRS = [
         "guest",
     )
 ]
+
+
+@pytest.fixture
+def slow(access: Access, monkeypatch: pytest.MonkeyPatch) -> asyncio.Event:
+    """Passwords are looked at when this is set."""
+    begun, verify = asyncio.Event(), access.passwords.verify
+
+    async def after(password: str, kept: str | None) -> bool:
+        await begun.wait()
+        return await verify(password, kept)
+
+    monkeypatch.setattr(access.passwords, "verify", after)
+    return begun
 
 
 async def test_a_fresh_installation_lets_nobody_in(access: Access, clock: ManualClock) -> None:
@@ -173,6 +188,41 @@ async def test_a_class_behind_one_address_signs_in_at_once_and_leaves_no_more_gu
             await enter(access, f"name{number}", "wrong")
         said.append(caught.value.status)
     assert said == [401] * 20 + [429] * 2
+
+
+async def test_a_class_behind_one_address_signs_in_at_the_same_moment(access: Access, slow: asyncio.Event) -> None:
+    class_ = [f"student{number}" for number in range(BUCKET + 11)]
+    for name in class_:
+        await add(access, name)
+    entering = asyncio.gather(*(enter(access, name) for name in class_))
+    await asyncio.sleep(1)
+    slow.set()
+    assert len(set(await entering)) == len(class_)
+    assert len(access.sign_in._attempts) == 0
+
+
+async def test_side_by_side_an_address_has_no_more_guesses(access: Access, slow: asyncio.Event) -> None:
+    await add(access, "ana")
+    guesses = [enter(access, f"name{number}", "wrong") for number in range(BUCKET + 4)]
+    entering = asyncio.gather(enter(access, "ana"), *guesses, enter(access, "ana"), return_exceptions=True)
+    await asyncio.sleep(1)
+    slow.set()
+    said = [one.status if isinstance(one, Refused) else 303 for one in await entering]
+    assert said == [303] + [401] * BUCKET + [429] * 5
+
+
+async def test_who_waits_in_line_is_told_after_a_while(access: Access, slow: asyncio.Event) -> None:
+    asked = [asyncio.create_task(enter(access, f"name{number}", "wrong")) for number in range(BUCKET)]
+    await asyncio.sleep(1)
+    with pytest.raises(Refused) as caught:
+        await enter(access, "ana")
+    assert reason(caught) == ("access.too_many", 429)
+    elsewhere = asyncio.create_task(access.sign_in.with_password("ana", "wrong", "192.0.2.9", AGENT))
+    slow.set()
+    for one in [*asked, elsewhere]:
+        with pytest.raises(Refused) as caught:
+            await one
+        assert reason(caught) == ("access.failed", 401)
 
 
 async def test_an_old_hash_is_renewed_when_its_owner_signs_in(open_access: OpenAccess, data: Path) -> None:
