@@ -6,6 +6,7 @@ bring (app/web/screens) everywhere, and the names of `_surroundings` on a page.
 """
 
 import asyncio
+import fnmatch
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -120,10 +121,10 @@ class Compiled(BytecodeCache):
         """`kept`: also from one start to the next."""
         self._kept = kept
         self._code: dict[tuple[str, str], CodeType | None] = {}
-        self.ready: set[str] = set()
-        """Templates of which everything that they name is compiled."""
+        self.ready: dict[str, Sequence[str]] = {}
+        """Templates of which everything that they name is compiled → the values of a page that name one more."""
         self.names: dict[str, list[str]] = {}
-        """File of a template → the templates that it names."""
+        """File of a template → the templates that it names, as `_named` writes them."""
 
     def load_bytecode(self, bucket: Bucket) -> None:
         bucket.code = self._code.get((bucket.key, bucket.checksum))
@@ -139,6 +140,8 @@ class Compiled(BytecodeCache):
 
 
 COMPILED = Compiled(KeptCode(FOLDER))
+VALUE = "="
+"""Before the name of a value that names a template."""
 
 
 class Drawn(HTMLResponse):
@@ -152,9 +155,13 @@ class Drawn(HTMLResponse):
 
     async def draw(self) -> bytes:
         """The whole of it."""
-        if self._template not in COMPILED.ready:
-            await asyncio.to_thread(_compile, self._environment, self._template)
-            COMPILED.ready.add(self._template)
+        todo = [self._template]
+        for name in todo:
+            if name not in COMPILED.ready:
+                COMPILED.ready[name] = await asyncio.to_thread(_compile, self._environment, name)
+            todo += {self._context[value] for value in COMPILED.ready[name] if self._context.get(value)}.difference(
+                todo
+            )
         pieces, since = list[str](), 0
         for piece in self._environment.get_template(self._template).generate(self._context):
             pieces.append(piece)
@@ -170,16 +177,40 @@ class Drawn(HTMLResponse):
         await super().__call__(scope, receive, send)
 
 
-def _compile(environment: Environment, template: str) -> None:
-    """Compile `template` and all that it names."""
-    todo, seen = [template], set[str]()
+def _compile(environment: Environment, template: str) -> Sequence[str]:
+    """Compile `template` and all that it names; returns the values of a page that name one more."""
+    todo, seen, values = [template], set[str](), set[str]()
     while todo:
         name = todo.pop()
         if name in seen or environment.loader is None:
             continue
         seen.add(name)
-        file = environment.get_template(name).filename
-        todo += COMPILED.names[file] if file else []
+        if name.startswith(VALUE):
+            values.add(name.removeprefix(VALUE))
+        elif "*" in name:
+            todo += fnmatch.filter(environment.list_templates(extensions=["html"]), name)
+        else:
+            file = environment.get_template(name).filename
+            todo += COMPILED.names[file] if file else []
+    return sorted(values)
+
+
+def _named(source: nodes.Template) -> list[str]:
+    """The templates that a template names: as they are called, as a pattern (`screens/*/tile.html`), or as a value of a page (`=body`)."""
+    found = [name for name in meta.find_referenced_templates(source) if name]
+    for one in source.find_all((nodes.Include, nodes.FromImport, nodes.Import, nodes.Extends)):
+        called: nodes.Expr = one.template  # type: ignore[attr-defined]
+        choices = called.items if isinstance(called, nodes.List) else [called]
+        for choice in choices:
+            if isinstance(choice, nodes.Name):
+                found.append(f"{VALUE}{choice.name}")
+            elif isinstance(choice, nodes.Concat):
+                found.append(
+                    "".join(str(part.value) if isinstance(part, nodes.Const) else "*" for part in choice.nodes)
+                )
+            elif isinstance(choice, nodes.Const):
+                found.append(choice.value)
+    return list(dict.fromkeys(found))
 
 
 class Templates(Environment):
@@ -189,7 +220,7 @@ class Templates(Environment):
         self, source: nodes.Template, name: str | None, filename: str | None, defer_init: bool = False
     ) -> str:
         if filename is not None:
-            COMPILED.names[filename] = [other for other in meta.find_referenced_templates(source) if other]
+            COMPILED.names[filename] = _named(source)
         return super()._generate(source, name, filename, defer_init)
 
 

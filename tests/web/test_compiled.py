@@ -1,5 +1,6 @@
 """What templates were compiled to is kept from one start to the next, and taken only when it is ours and of this template."""
 
+import asyncio
 import os
 import subprocess
 import sys
@@ -7,12 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fastapi.testclient import TestClient
 from jinja2 import Environment
 
 from app.web import compile_templates, compiled, view
 from app.web.compiled import KeptCode
 from app.web.view import Compiled
 from tests.conftest import ROOT
+from tests.web.people import Staff
+
+PAGES = (("equipment", ""), ("equipment", "/faceplate"), ("equipment", "/parameters"), ("instructor", ""))
 
 
 class Starts:
@@ -79,6 +84,45 @@ def test_what_a_template_names_is_known_without_compiling_it(starts: Starts) -> 
             str(starts.templates / "b.html"): [],
         }
         assert starts.compiled == compiled_now
+
+
+def test_templates_that_are_named_by_a_value_or_in_parts_are_known_too(starts: Starts) -> None:
+    starts.write("a.html", "{% include body %}{% include ['s-' ~ n ~ '.html', 'c.html'] %}")
+    starts.write("s-1.html", "{% include 'd.html' %}")
+    for name in ("b.html", "c.html", "d.html"):
+        starts.write(name, name)
+    for compiled_now in (["a.html", "c.html", "d.html", "s-1.html"], []):
+        starts.start()
+        assert view._compile(view.templates(), "a.html") == ["body"]
+        assert sorted(starts.compiled) == compiled_now
+
+
+def test_no_page_has_a_template_compiled_on_the_loop(demo: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    staff, aside, compiled_here = Staff(demo), [False], set[str]()
+    staff.enter("ivana", "engineer", "operator")
+    compile, to_thread = Environment._compile, asyncio.to_thread
+
+    def note(environment: Environment, source: str, filename: str) -> Any:
+        if not aside[0]:
+            compiled_here.add(filename)
+        return compile(environment, source, filename)
+
+    async def away(work: Any, *given: Any) -> Any:
+        aside[0] = True
+        try:
+            return await to_thread(work, *given)
+        finally:
+            aside[0] = False
+
+    monkeypatch.setattr(Environment, "_compile", note)
+    monkeypatch.setattr(asyncio, "to_thread", away)
+    machines = demo.app.state.runtime.plant.equipment  # type: ignore[attr-defined]
+    pages = ["", *(f"{kind}/{id}{part}" for id in machines for kind, part in PAGES)]
+    for page in pages:
+        monkeypatch.setattr(view, "COMPILED", Compiled())
+        monkeypatch.setattr(demo.app.state.view, "_environments", {})  # type: ignore[attr-defined]
+        assert demo.get(f"/{page}").status_code in (200, 404)
+        assert view.COMPILED.names and (page, compiled_here) == (page, set())
 
 
 def test_a_template_that_changed_is_compiled_anew_and_replaces_what_was_kept(starts: Starts) -> None:
