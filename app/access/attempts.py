@@ -13,7 +13,7 @@ from app.access.throttle import Throttle
 from app.addresses import client_of
 from app.errors import Refused
 
-IN_LINE = 20.0
+IN_LINE = 60.0
 """So long an attempt waits for those before it at its address before it is one too many [s]: those of a class are looked at meanwhile."""
 
 
