@@ -172,8 +172,12 @@ async def token(request: Request, key: str, action: str) -> Response:
     try:
         actions[action](person, operation.id)
     except Refused as error:
-        return _answered(request, operation, form, operation.words.refusal(error), "error", error.status)
-    return _answered(request, operation, form, operation.equipment.text(f"operate.did.{action}"), "done", 200)
+        return _answered(
+            request, operation, form, operation.named(operation.words.refusal(error)), "error", error.status
+        )
+    return _answered(
+        request, operation, form, operation.named(operation.equipment.text(f"operate.did.{action}")), "done", 200
+    )
 
 
 @router.post("/equipment/{key}/hold/{command}", dependencies=[allow("operate")])

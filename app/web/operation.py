@@ -126,6 +126,10 @@ class Operation:
         """The machine."""
         return self.equipment.id
 
+    def named(self, text: str) -> str:
+        """What the message line says of the machine: a page may show several, or another one than is in its head."""
+        return f"{self.id.upper()}: {text}"
+
     @property
     def url(self) -> str:
         """Address of the machine."""

@@ -290,18 +290,18 @@ def test_two_operators_ask_refuse_and_hand_over(sit: Sit) -> None:
     ivo.click("[data-token=give]")
     expect(ana.locator(".token")).to_have_attribute("data-holding", "mine")
     expect(ivo.locator(".token")).to_have_attribute("data-holding", "other")
-    expect(ivo.locator("#message")).to_contain_text("Control handed over")
-    expect(ana.locator("#message")).to_contain_text("You are in control")
+    expect(ivo.locator("#message")).to_contain_text("M1: Control handed over")
+    expect(ana.locator("#message")).to_contain_text("M1: You are in control")
 
 
 def test_who_loses_control_without_a_press_of_his_own_reads_who_has_it_now(sit: Sit) -> None:
     ana, ivo = sit("ana"), sit("ivo")
     take(ivo)  # ana asks: nobody has refused her in another test, after which one may not ask for a while
-    expect(ivo.locator("#message")).to_contain_text("Control taken")
+    expect(ivo.locator("#message")).to_contain_text("M1: Control taken")
     ana.click("[data-token=request]")
     expect(ivo.locator(".token")).to_contain_text("ana asks for control")
     expect(ana.locator(".token")).to_have_attribute("data-holding", "mine", timeout=60_000)  # nobody answered
-    expect(ivo.locator("#message")).to_contain_text("Control held by: ana, since")
+    expect(ivo.locator("#message")).to_contain_text("M1: Control held by: ana, since")
 
 
 # ---- hold-to-run ----------------------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """Commands over HTTP at a running demo plant: who may, what is answered, in which words, and what the audit keeps."""
 
 import asyncio
+import html
 import re
 from collections.abc import Iterator
 
@@ -154,6 +155,35 @@ def test_two_operators_and_one_machine(staff: Staff, ana: Operator, ivo: Operato
     ivo.take("m1")
     assert ana.press("/equipment/m1/command/coast").status_code == 423
     assert ivo.post("/equipment/m1/token/refuse").status_code == 409
+
+
+TAKEN = {
+    "hr": ("Upravljanje preuzeto", "Vi upravljate"),
+    "en": ("Control taken", "You are in control"),
+    "de": ("Bedienhoheit übernommen", "Bedienhoheit bei Ihnen"),
+    "cs": ("Ovládání převzato", "Ovládáte vy"),
+}
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_what_the_message_line_says_of_control_names_the_machine(
+    staff: Staff, ana: Operator, ivo: Operator, lang: str
+) -> None:
+    """A faceplate of one machine may lie over the page of another, and a page may show several."""
+    ana.language = ivo.language = lang
+    try:
+        taken = ana.post("/equipment/m2/token/take")
+        refused = ivo.post("/equipment/m2/token/take")
+        hers, his = (html.unescape(who.get("/equipment/m2/commands").text) for who in (ana, ivo))
+    finally:
+        ana.language = ivo.language = "en"
+        ana.post("/equipment/m2/token/release")
+    did, mine = TAKEN[lang]
+    assert line_of(taken) == f"M2: {did}"
+    assert f'data-told="M2: {mine}"' in hers
+    assert refused.status_code == 423
+    assert re.match("M2: .*ana", line_of(refused))
+    assert re.search('data-told="M2: [^"]*ana', his)
 
 
 # ---- commands -------------------------------------------------------------------------------------------------
