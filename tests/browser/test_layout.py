@@ -175,6 +175,31 @@ def test_axes_stay_in_sight_whatever_they_say_on_a_panel_of_ten_inches(
     assert [*abnormal.evaluate(PUSHED), *abnormal.evaluate(PUSHED, True)] == []
 
 
+ELSEWHERE = {
+    "a desk": (1280, 800, "desk"),
+    "a small panel": (800, 480, "panel-9"),
+    "a tablet upright": (*BETWEEN["a tablet upright"], "desk"),
+    "a phone": (390, 844, "desk"),
+}
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_whatever_a_machine_says_is_whole_on_every_other_screen(abnormal: Page, lang: str) -> None:
+    """On a telephone pictures to scale and rows of choices are pushed aside on purpose; elsewhere nothing is."""
+    speak(abnormal, lang, origin(abnormal))
+    found: list[str] = []
+    for machine, widest in {"m1": "", "cc1": WIDEST_COIL_CAR, "seq1": "", "a1": "", "cr1": WIDEST_CRANE}.items():
+        open_page(abnormal, f"{origin(abnormal)}/equipment/{machine}")
+        for name, size in ELSEWHERE.items():
+            lay_out(abnormal, *size)
+            for by_word in (False, True):
+                if widest:
+                    abnormal.evaluate(widest)
+                wrong = abnormal.evaluate(PUSHED, by_word)
+                found += [f"{machine} {name}: {one}" for one in wrong if name != "a phone" or "sideways" not in one]
+    assert found == [], "\n".join(["", *found])
+
+
 FLOOD = """() => { // alarms with long names, and as many as in a flood
   for (const one of document.querySelectorAll(".alist .a-open > span:last-child")) one.textContent = "Umrichter: Ausgangsphasenausfall";
   for (const one of document.querySelectorAll(".td tbody .td-l")) one.innerHTML = '<a href="/">08:23 Umrichter: Hardware-Überstrom</a>';
