@@ -90,7 +90,7 @@ class Axis:
     """Moves by what the drive is told while the brake is open; a closed brake holds it, or brings it to a stop.
 
     The brake holds until it is fully open, and again from when it is fully closed. The safety brake is the crane's own: it falls in at
-    over-speed and stays until somebody lifts it.
+    over-speed, or when its circuit is cut (`safety_brake` set), and stays until somebody lifts it.
     """
 
     data: AxisData
@@ -145,6 +145,8 @@ class Axis:
             if torque and abs(self._ramp.speed) > 0.5 and not before:
                 self.strain += dt
             self.speed = approach(before, 0.0, 0.0, data.brake_deceleration * dt)
+            if quick_stop:  # the ramp of a quick stop does not pull on what a brake has stopped
+                self._ramp.speed = self.speed
         self.position += (before + self.speed) / 2 * dt
 
     @property

@@ -69,7 +69,7 @@ class CommandedCrane(CraneView):
         if self.moving:
             return no(CraneReason.MOVING)
         self.latched = False
-        self.axes["hoist"].axis.safety_brake = False
+        self.axes["hoist"].lift()
         self._acknowledge = True
         self.event(CraneEvent.RESET)
         return Verdict()

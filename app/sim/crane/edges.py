@@ -3,7 +3,7 @@
 from app.blocks.drive_control import DriveAlarm
 from app.blocks.limit_switches import End, LimitAlarm
 from app.sim.crane.plc_axis import HOT, Motor
-from app.sim.crane.register_map import DRIVE_EVENTS, CraneEvent
+from app.sim.crane.register_map import DRIVE_EVENTS, CraneEvent, SafetyTrip
 from app.sim.crane.state import CraneView
 
 _PAIRS = (
@@ -60,7 +60,7 @@ class Edges:
         if crane.safety_brake != self._safety:
             self._safety = crane.safety_brake
             if self._safety:
-                crane.event(CraneEvent.SAFETY_BRAKE)
+                self.tell_safety_brake()
         self._look_at_load()
         for number, axis in enumerate(crane.axes.values(), 1):
             if axis.encoder_ok != self._encoders[axis.name]:
@@ -77,6 +77,12 @@ class Edges:
                         said.add(what)
                         crane.event(*what, axis.position)
                 self._limits[axis.name] = active
+
+    def tell_safety_brake(self) -> None:
+        """Why the safety brakes have fallen in."""
+        why = self._crane.safety_trip
+        code = CraneEvent.SAFETY_BRAKE_STOP if why is SafetyTrip.EMERGENCY_STOP else CraneEvent.SAFETY_BRAKE
+        self._crane.event(code, why)
 
     def _look_at_motor(self, motor: Motor) -> None:
         number, alarms, hot = motor.number, motor.control.alarms, motor.temperature >= HOT

@@ -14,7 +14,7 @@ from app.sim.crane import training
 from app.sim.crane.axis import Axis, AxisData, Brake
 from app.sim.crane.configuration import AXES, Places
 from app.sim.crane.figures import AXES as FIGURES
-from app.sim.crane.register_map import DRIVES, drives_of
+from app.sim.crane.register_map import DRIVES, SafetyTrip, drives_of
 from app.sim.sinamics.axis_drive import VirtualDrive
 
 COOL, WARM, HOT = 25.0, 60.0, 140.0
@@ -111,6 +111,7 @@ class PlcAxis:
         if len(self.motors) > 1:
             self.axis.second = Brake()
         self.selection = Selection.BOTH
+        self._trip = SafetyTrip.NONE
         self.start_up(settings)
 
     def start_up(self, settings: Mapping[str, float]) -> None:
@@ -182,6 +183,22 @@ class PlcAxis:
     def moving(self) -> bool:
         """It moves, or its brakes are held open: they fall in a moment later, those that stick never."""
         return abs(self.axis.speed) > AT_REST / 2 or any(motor.out.open_brakes for motor in self.motors)
+
+    @property
+    def safety_trip(self) -> SafetyTrip:
+        """Why its safety brakes have fallen in; they do it at over-speed by themselves."""
+        if not self.axis.safety_brake:
+            return SafetyTrip.NONE
+        return self._trip or SafetyTrip.OVER_SPEED
+
+    def trip(self, why: SafetyTrip) -> None:
+        """The safety brakes fall in, where the axis has some: the hoist."""
+        if self.axis.data.safety_speed and not self.axis.safety_brake:
+            self.axis.safety_brake, self._trip = True, why
+
+    def lift(self) -> None:
+        """The safety brakes are lifted."""
+        self.axis.safety_brake, self._trip = False, SafetyTrip.NONE
 
     @property
     def energised(self) -> bool:
@@ -331,8 +348,8 @@ class PlcAxis:
                 torque, quick_stop = True, quick_stop or driven.quick_stop
                 setpoint = driven.setpoint if abs(driven.setpoint) < abs(setpoint) else setpoint
         axis.step(setpoint if torque else 0.0, opens, dt, torque=torque, quick_stop=quick_stop)
-        if around.fault == training.OVER_SPEED and self.name == "hoist" and abs(axis.speed) > AT_REST:
-            axis.safety_brake = True
+        if around.fault == training.OVER_SPEED and abs(axis.speed) > AT_REST:
+            self.trip(SafetyTrip.OVER_SPEED)
         self._count(around, dt)
 
     def _count(self, around: Surroundings, dt: float) -> None:

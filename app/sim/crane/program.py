@@ -7,7 +7,8 @@ Type code 40. The program runs every 20 ms on a circle, every 40 ms while anythi
 | manual | hold-to-run, one axis at a time, at the speed step that is selected |
 | automatic | the sequence; hold-to-run suspends a cycle, and then moves an axis as in manual |
 | stop | all axes by their ramps, mode off, a cycle is suspended |
-| emergency stop | quick stop of every drive; latched until a reset |
+| emergency stop | quick stop of every drive, the hoist's safety brakes fall in; latched until a reset |
+| power lost | the hoist's safety brakes fall in; latched until a reset |
 | alarm of a drive, limit switch, encoder, scale, rope, overload, host | suspends a cycle with its reason |
 | settings | not changed while an axis moves |
 """
@@ -45,6 +46,7 @@ from app.sim.crane.register_map import (
     CraneReason,
     DriveChoice,
     Mode,
+    SafetyTrip,
     StepState,
     Suspension,
 )
@@ -228,6 +230,7 @@ class VirtualCrane(CommandedCrane):
         """What ends a cycle's way, and what latches."""
         if self.emergency:
             self.latched = True
+            self.axes["hoist"].trip(SafetyTrip.EMERGENCY_STOP)
         if self.host_silent != self._silent:
             self._silent = self.host_silent
             if self._silent:
@@ -331,6 +334,13 @@ class VirtualCrane(CommandedCrane):
         self._start_mode = self._start_in
         self.fault = 0
         self.orders.reset()
+
+    def power_cycle(self) -> None:
+        fell = not self.safety_brake
+        self.axes["hoist"].trip(SafetyTrip.POWER)
+        super().power_cycle()
+        if fell:
+            self.edges.tell_safety_brake()
 
     def _power_up(self) -> None:
         self.mode, self._start_mode = self._start_mode, Mode.OFF

@@ -7,7 +7,7 @@ Header words 23-31: 3 axes · 4 drives · settings · 4 stands · 59 events.
 
 | registers | content |
 | --- | --- |
-| 0x0100, 64 words | status image: `STATUS_WORDS_OF`, `STATUS_BITS_OF`, `STATUS_REALS`, `STATUS_COUNTS` |
+| 0x0100, 64 words | status image: `STATUS_WORDS_OF`, `STATUS_BITS_OF`, `STATUS_REALS`, `STATUS_COUNTS`, `SAFETY_TRIP` |
 | 0x0180, 64 words | configuration image: +1 stands, then f32 in the order of `PLACES` |
 | 0x0200, 104 words | settings image: generation · count · f32 in the order of `SETTINGS` · spare · generation; staged at 0x0280 |
 | 0x0300, 0x0320, 0x0380, 0x0400 | commands, answers, hold-to-run, events (registers/plc_map.py) |
@@ -104,6 +104,8 @@ class CraneEvent(IntEnum):
     HOST_SILENT, HOST_BACK = 47, 48
     SETTINGS = 49
     DRIVES_SELECTED, HOURS_RESET, PATH_SELECTED, SWAY_LEFT = 50, 51, 52, 53
+    SAFETY_BRAKE_STOP = 54
+    """The safety brakes fell in with the emergency stop: what came of it, not an alarm of its own."""
 
 
 DRIVE_EVENTS: Mapping[DriveAlarm, CraneEvent] = MappingProxyType(
@@ -164,6 +166,16 @@ class Step(IntEnum):
     BELOW_LOCK_AGAIN = 421
     OUT_OF_LOCK = 422
     SAFE_HEIGHT_AGAIN = 423
+
+
+class SafetyTrip(IntEnum):
+    """What made the hoist's safety brakes fall in, of several the first."""
+
+    NONE = 0
+    OVER_SPEED = 1
+    EMERGENCY_STOP = 2
+    POWER = 3
+    """The crane lost its supply."""
 
 
 class StepState(IntEnum):
@@ -272,6 +284,8 @@ STATUS_REALS: Sequence[str] = (
 """f32 from +16 on; NaN without a circle or a plan."""
 STATUS_COUNTS: Sequence[str] = ("cycles_done", "cycles_aborted", "cycle")
 """u32 from +46 on; `cycle` is the number of the last one."""
+SAFETY_TRIP = 52
+"""Word of the status image with `SafetyTrip`."""
 
 AXIS_BITS: Mapping[int, Sequence[str]] = MappingProxyType(
     {
@@ -383,6 +397,7 @@ def _places() -> Mapping[str, RegisterPlace]:
     places = {
         **HEADER_PLACES,
         "device_stands": RegisterPlace(CONFIGURATION + 1),
+        "safety_trip": RegisterPlace(STATUS + SAFETY_TRIP),
     }
     places |= {name: RegisterPlace(STATUS + n) for n, name in enumerate(STATUS_WORDS_OF, 1) if name}
     places |= _bits(STATUS + FLAGS, STATUS_BITS_OF)

@@ -24,7 +24,7 @@ from app.sim.crane.register_map import (
 )
 from app.sim.crane.state import CraneView
 
-_STATUS = Struct(">15H15f3I")
+_STATUS = Struct(">15H15f3IH")
 _CONFIGURATION = Struct(f">H{len(PLACES)}f")
 _AXIS = Struct(">5H4x7f")
 _DRIVE = Struct(">6H9fI")
@@ -76,7 +76,7 @@ def status(crane: CraneView) -> bytes:
         planned.y,
     )
     assert len(reals) == len(STATUS_REALS)
-    packed = _STATUS.pack(*words, *reals, crane.cycles_done, crane.cycles_aborted, cycle.number)
+    packed = _STATUS.pack(*words, *reals, crane.cycles_done, crane.cycles_aborted, cycle.number, crane.safety_trip)
     return packed.ljust(2 * (STATUS_WORDS - 2), b"\0")
 
 

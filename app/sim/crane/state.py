@@ -9,7 +9,7 @@ from app.sim.crane.configuration import Places
 from app.sim.crane.ladle import FULL, Load
 from app.sim.crane.plc_axis import PlcAxis
 from app.sim.crane.register_map import CraneState as State
-from app.sim.crane.register_map import DriveChoice, Mode, StepState
+from app.sim.crane.register_map import DriveChoice, Mode, SafetyTrip, StepState
 from app.sim.crane.sequence import CraneSequence, Cycle
 from app.sim.crane.travel import Travel
 from app.sim.plc import VirtualPlc
@@ -52,6 +52,11 @@ class CraneView(VirtualPlc):
     def safety_brake(self) -> bool:
         """It has fallen in."""
         return self.axes["hoist"].axis.safety_brake
+
+    @property
+    def safety_trip(self) -> SafetyTrip:
+        """Why it has."""
+        return self.axes["hoist"].safety_trip
 
     @property
     def held(self) -> bool:

@@ -1,6 +1,7 @@
 """The crane's program by its telegrams: manual, limits, brakes, the sequence with its interruptions, weights, settings, power."""
 
 import math
+from collections.abc import Callable
 
 import pytest
 
@@ -18,6 +19,7 @@ from app.sim.crane.register_map import (
     CraneState,
     DriveChoice,
     Mode,
+    SafetyTrip,
     Step,
     StepState,
     Suspension,
@@ -215,6 +217,71 @@ def test_what_fails_stops_its_axis_at_once_and_a_reset_brings_it_back(fault: int
     stand.jog(axis, 1)
     stand.until(lambda: moved.speed > 20, 60)
     assert not crane.held
+
+
+def lose_power(stand: Stand) -> None:
+    stand.talker.train(training.REG_POWER, 1)
+
+
+def press(stand: Stand) -> None:
+    stand.talker.fault(own.EMERGENCY_STOP)
+
+
+@pytest.mark.parametrize(
+    ("happens", "trip", "told"),
+    [
+        (press, SafetyTrip.EMERGENCY_STOP, CraneEvent.SAFETY_BRAKE_STOP),
+        (lose_power, SafetyTrip.POWER, CraneEvent.SAFETY_BRAKE),
+    ],
+)
+@pytest.mark.parametrize(
+    ("axis", "way"), [("hoist", 0), ("hoist", 1), ("hoist", -1), *((name, 1) for name in ("trolley", "bridge"))]
+)
+def test_the_hoists_safety_brakes_fall_in_with_an_emergency_stop_and_with_power_and_wait_for_a_reset(
+    happens: Callable[[Stand], None], trip: SafetyTrip, told: CraneEvent, axis: str, way: int
+) -> None:
+    """Whatever the crane does; the hoist stands within the way that a brake needs, and its drive never pulls against it."""
+    stand = manual()
+    crane, hoist = stand.crane, stand.crane.axes["hoist"]
+    stand.put("hoist", 20000.0)
+    stand.put("trolley", 10000.0)
+    stand.ask(CraneCommand.SELECT_STEP, 4)
+    if way:
+        stand.jog(axis, way)
+        stand.until(lambda: abs(crane.axes[axis].speed) > 0.95 * crane.axes[axis].max_speed, 12)
+    happens(stand)
+    stand.until(lambda: hoist.axis.safety_brake, 0.2)
+    at = hoist.axis.position
+    stand.run(0.2)
+    stand.release()
+    stand.until(lambda: not crane.moving, 60)
+    assert crane.safety_trip is trip and crane.held
+    assert abs(hoist.axis.position - at) <= hoist.max_speed**2 / (2 * hoist.axis.data.brake_deceleration)
+    assert hoist.axis.strain == 0.0
+    assert [source for code, source in stand.talker.codes() if code == told] == [trip]
+    if trip is SafetyTrip.EMERGENCY_STOP:
+        assert stand.reason(CraneCommand.RESET) == CraneReason.EMERGENCY_STOP
+        stand.talker.fault(0)
+        stand.run(1)
+    assert stand.reason(CraneCommand.AUTOMATIC) == CraneReason.HELD and crane.safety_trip is trip
+    assert stand.ask(CraneCommand.RESET) is DONE
+    assert not hoist.axis.safety_brake and crane.safety_trip is SafetyTrip.NONE
+    assert stand.ask(CraneCommand.MANUAL) is DONE
+    stand.jog("hoist", 1)
+    stand.until(lambda: hoist.speed > 20, 60)
+
+
+def test_what_tripped_the_safety_brakes_first_is_kept() -> None:
+    """A button that is pressed afterwards, or a supply that goes, does not hide an over-speed."""
+    stand = manual()
+    stand.talker.fault(own.OVER_SPEED)
+    stand.jog("hoist", -1)
+    stand.until(lambda: stand.crane.safety_brake, 10)
+    press(stand)
+    stand.run(1)
+    lose_power(stand)
+    stand.run(1)
+    assert stand.crane.safety_trip is SafetyTrip.OVER_SPEED
 
 
 @pytest.mark.parametrize(
@@ -498,6 +565,8 @@ def test_a_power_cycle_suspends_a_cycle_that_can_be_resumed() -> None:
     stand.run(3)
     assert crane.cycle.state is StepState.SUSPENDED and crane.mode is Mode.OFF
     assert crane.axes["hoist"].axis.held and abs(crane.axes["hoist"].speed) < 1
+    assert stand.reason(CraneCommand.AUTOMATIC) == CraneReason.HELD
+    assert stand.ask(CraneCommand.RESET) is DONE
     assert stand.ask(CraneCommand.AUTOMATIC) is DONE
     assert stand.ask(CraneCommand.RESUME) is DONE
     until_step(stand, Step.LOADED_SAFE_HEIGHT)
