@@ -12,16 +12,28 @@ from app.plant.definitions import Point, Register, Scan, Type
 from app.registers.codec import Decoder, decoder
 from app.registers.register import Order
 from app.tags.batch import Batch, Value
-from app.tags.quality import NOT_CONNECTED, OUT_OF_RANGE
+from app.tags.quality import IMPLAUSIBLE, NOT_CONNECTED, OUT_OF_RANGE
 
 WordDecoder = Callable[[int], float]
-_Quick = tuple[int, int, WordDecoder, float, float]
-"""Offset in the block, handle, decoder of one word, least and greatest value."""
-_Entry = tuple[int, int, int, Decoder, float, float]
-"""Offset in the block, words, handle, decoder, least and greatest value."""
+_Quick = tuple[int, int, WordDecoder, float, float, Point]
+"""Offset in the block, handle, decoder of one word, least and greatest good value, point."""
+_Entry = tuple[int, int, int, Decoder, float, float, Point]
+"""Offset in the block, words, handle, decoder, least and greatest good value, point."""
 
 
 _DIVISORS = {1 / divisor: divisor for divisor in (10, 100, 1000, 10_000)}
+
+
+def good_range(point: Point) -> tuple[float, float]:
+    """Least and greatest value of `point` [EU] that is good: within what the device can report, and plausible."""
+    first, last = point.plausible or (-inf, inf)
+    return max(first, -inf if point.low is None else point.low), min(last, inf if point.high is None else point.high)
+
+
+def beyond(point: Point, number: float) -> int:
+    """Quality of a `number` [EU] outside the good range of `point`: bad where it is not plausible either, else uncertain."""
+    first, last = point.plausible or (-inf, inf)
+    return OUT_OF_RANGE if point.plausible is None or first <= number <= last else IMPLAUSIBLE
 
 
 class ScanBlock:
@@ -88,14 +100,13 @@ class ScanBlock:
             register, handle = point.register, handles.get(point.name)
             if register is None or handle is None:
                 continue
-            low = -inf if point.low is None else point.low
-            high = inf if point.high is None else point.high
+            low, high = good_range(point)
             offset = register.address - self.block.address
             quick = word_decoder(register)
             if quick is not None:
-                self._quick.append((offset, handle, quick, low, high))
+                self._quick.append((offset, handle, quick, low, high, point))
             else:
-                self._entries.append((offset, register.words, handle, decoder(register), low, high))
+                self._entries.append((offset, register.words, handle, decoder(register), low, high, point))
 
     def seen(self, words: list[int], time: int, quality: int) -> Batch:
         """The batch for `words`, read at `time` [µs UTC] with base quality `quality`."""
@@ -123,22 +134,22 @@ class ScanBlock:
         uneven: dict[int, int],
     ) -> None:
         """Append what changed; `uneven` gets the quality of those that have one of their own."""
-        for offset, handle, quick, low, high in self._quick:
+        for offset, handle, quick, low, high, point in self._quick:
             word = words[offset]
             if word != before[offset]:
                 number = quick(word)
                 if not low <= number <= high:
-                    uneven[len(handles)] = OUT_OF_RANGE | quality & 0xF00
+                    uneven[len(handles)] = beyond(point, number) | quality & 0xF00
                 handles.append(handle)
                 values.append(number)
-        for offset, width, handle, decode, low, high in self._entries:
+        for offset, width, handle, decode, low, high, point in self._entries:
             raw = words[offset : offset + width]
             if raw != before[offset : offset + width]:
                 value = decode(raw)
                 if value is None:
                     uneven[len(handles)] = NOT_CONNECTED | quality & 0xF00
                 elif not isinstance(value, str) and not low <= value <= high:
-                    uneven[len(handles)] = OUT_OF_RANGE | quality & 0xF00
+                    uneven[len(handles)] = beyond(point, value) | quality & 0xF00
                 handles.append(handle)
                 values.append(value)
 

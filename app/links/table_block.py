@@ -6,15 +6,15 @@ A row is decoded only when it changed. What the head of the table does not count
 from collections.abc import Mapping
 
 from app.links.planner import Reading, Rows, span_of
-from app.links.scan_block import ScanBlock
+from app.links.scan_block import ScanBlock, beyond, good_range
 from app.plant.definitions import Point
 from app.registers.codec import Decoder, decoder
 from app.registers.plc_map import ROW_GENERATION, ROW_STATE
 from app.tags.batch import Value
-from app.tags.quality import NOT_CONNECTED, OUT_OF_RANGE
+from app.tags.quality import NOT_CONNECTED
 
-_Cell = tuple[int, int, int, Decoder, float, float, Value]
-"""Offset in the row, words, handle, decoder, least and greatest value, value in an empty row."""
+_Cell = tuple[int, int, int, Decoder, float, float, Value, Point]
+"""Offset in the row, words, handle, decoder, least and greatest good value, value in an empty row, point."""
 
 
 class TableBlock(ScanBlock):
@@ -73,10 +73,9 @@ class TableBlock(ScanBlock):
                 head.append(point)
                 continue
             row, offset = divmod(first - start, size)
-            low = float("-inf") if point.low is None else point.low
-            high = float("inf") if point.high is None else point.high
+            low, high = good_range(point)
             empty = 0 if offset in (0, ROW_STATE) else None
-            self._cells[row].append((offset, register.words, handle, decoder(register), low, high, empty))
+            self._cells[row].append((offset, register.words, handle, decoder(register), low, high, empty, point))
         self._bind(head, handles)
 
     def _collect(
@@ -102,7 +101,7 @@ class TableBlock(ScanBlock):
                     values += [cell[6] for cell in cells]
                 continue
             fresh = was <= 0  # was empty, or was never seen: then it is -1 here
-            for offset, width, handle, decode, low, high, _ in cells:
+            for offset, width, handle, decode, low, high, _, point in cells:
                 raw = row[offset : offset + width]
                 if not fresh and raw == old[offset : offset + width]:
                     continue
@@ -110,7 +109,7 @@ class TableBlock(ScanBlock):
                 if value is None:
                     uneven[len(handles)] = NOT_CONNECTED | quality & 0xF00
                 elif not isinstance(value, str) and not low <= value <= high:
-                    uneven[len(handles)] = OUT_OF_RANGE | quality & 0xF00
+                    uneven[len(handles)] = beyond(point, value) | quality & 0xF00
                 handles.append(handle)
                 values.append(value)
 

@@ -81,10 +81,10 @@ class Point:
     derived: Derived | None = None
     scan: Scan = Scan.FAST
     low: float | None = None
-    """Least value the device can report [EU]; below it the quality is uncertain."""
     high: float | None = None
+    plausible: tuple[float, float] | None = None
     normal: tuple[float, float] | None = None
-    """Normal band [EU]."""
+    """What the device can report, else uncertain; plausible range, outside of which it is bad; normal band [EU]."""
     scale_low: float | None = None
     """Ends of a drawn scale [EU]."""
     scale_high: float | None = None

@@ -53,6 +53,7 @@ NO_DATA = BAD | QualityReason.NO_DATA << 2
 COMM_FAILURE = BAD | QualityReason.COMM_FAILURE << 2
 STALE = UNCERTAIN | QualityReason.STALE << 2
 OUT_OF_RANGE = UNCERTAIN | QualityReason.OUT_OF_RANGE << 2
+IMPLAUSIBLE = BAD | QualityReason.OUT_OF_RANGE << 2
 NOT_CONNECTED = BAD | QualityReason.NOT_CONNECTED << 2
 CONFIGURATION = BAD | QualityReason.CONFIGURATION << 2
 DEVICE = BAD | QualityReason.DEVICE << 2

@@ -80,7 +80,7 @@ class Gateway(Bus):
 
 
 def point(equipment: str, key: str, address: int, scan: Scan = Scan.FAST, **register: object) -> Point:
-    limits = {name: register.pop(name) for name in ("low", "high") if name in register}
+    limits = {name: register.pop(name) for name in ("low", "high", "plausible") if name in register}
     return Point(
         name=f"{equipment}.{key}",
         id=f"{equipment}.{key}",

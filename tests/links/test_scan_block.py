@@ -7,7 +7,7 @@ from app.links.planner import Reading
 from app.links.scan_block import ScanBlock, word_decoder
 from app.plant.definitions import Register, Scan, Type
 from app.registers.codec import decode
-from app.tags.quality import COMM_FAILURE, GOOD, NOT_CONNECTED, OUT_OF_RANGE
+from app.tags.quality import COMM_FAILURE, GOOD, IMPLAUSIBLE, NOT_CONNECTED, OUT_OF_RANGE
 from tests.links.devices import point
 
 
@@ -60,6 +60,24 @@ def test_changes_and_qualities_of_a_block() -> None:
     assert list(out.qualities or ()) == [OUT_OF_RANGE, OUT_OF_RANGE, NOT_CONNECTED]
     back = scan.seen([500, 0xFFFF, 0xFFF0, 0xFFFF, 9], 4000, GOOD)
     assert (list(back.handles), list(back.values), back.qualities) == ([0], [50.0], None)
+
+
+def test_what_is_not_plausible_is_bad_and_what_the_device_cannot_report_is_uncertain() -> None:
+    points = (
+        point("m", "word", 10, low=5, high=100, plausible=(1, 1000)),
+        point("m", "real", 11, type=Type.F32, words=2, plausible=(0, 1e6)),
+    )
+    scan = ScanBlock("link.x", 3, 1, Reading(Block(10, 3), Scan.FAST, points), 0.1)
+    scan.bind({"m.word": 0, "m.real": 1}, 1)
+    worth = {}
+    for word in (0, 1, 4, 5, 100, 101, 1000, 1001):
+        out = scan.seen([word, 0, 0], word, GOOD)
+        worth[word] = out.qualities[0] if out.qualities else GOOD
+    bad, doubtful = IMPLAUSIBLE, OUT_OF_RANGE
+    assert worth == {0: bad, 1: doubtful, 4: doubtful, 5: GOOD, 100: GOOD, 101: doubtful, 1000: doubtful, 1001: bad}
+    for words, quality in {(0x7F7F, 0xFFFF): bad, (0x4974, 0x2400): GOOD, (0xBF80, 0): bad}.items():  # 3.4e38, 1e6, -1
+        out = scan.seen([5, *words], 5, GOOD)
+        assert (out.qualities[-1] if out.qualities else GOOD) == quality, words
 
 
 def test_a_lost_block_is_told_once_and_comes_back_whole() -> None:

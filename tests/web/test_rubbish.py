@@ -14,9 +14,10 @@ import pytest
 from app.plant.definitions import Point, Type
 from app.registers.codec import raw_limits
 from app.settings import Settings
+from app.tags.quality import BAD, QualityReason, is_good, level, reason
 from tests import virtual
 from tests.conftest import ROOT
-from tests.web.test_parts_follow import House
+from tests.web.hand import House
 
 PLANTS = ("demo", "feeding", "drive_steps", "belts", "sinamics", "epos")
 REALS = (0.0, -1.0, 1e9, 3.4e38, -3.4e38, 1e-30)
@@ -72,3 +73,22 @@ def test_no_value_of_a_machine_ends_a_page(tmp_path: Path, plant: str) -> None:
                 if answer.status_code >= 500 or len(answer.content) > 3_000_000:
                     wrong.append((seed, url, answer.status_code, len(answer.content)))
     assert wrong == []
+
+
+@pytest.mark.parametrize(
+    ("plant", "key", "said"), [("belts", "device_line_length", 1e38), ("crane", "bridge_max_position", -3.4e38)]
+)
+def test_a_length_that_no_machine_has_is_bad_and_draws_nothing(
+    tmp_path: Path, plant: str, key: str, said: float
+) -> None:
+    with virtual.house(Settings(data=tmp_path / "data", plant=ROOT / "plants" / plant)) as client:
+        client.pass_time(20)
+        house = House(client)
+        assert house.runtime.plant
+        item = next(one for one in house.runtime.plant.equipment.values() if key in one.points)
+        name, tags = f"{item.id}.{key}", house.runtime.tags
+        assert is_good(tags.quality(tags.handle(name)))
+        house.put({name: said})
+        assert client.get(f"/equipment/{item.id}").text.count("<path") < 2000
+        assert level(tags.quality(tags.handle(name))) == BAD
+        assert reason(tags.quality(tags.handle(name))) is QualityReason.OUT_OF_RANGE

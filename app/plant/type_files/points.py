@@ -101,6 +101,7 @@ class Points:
             scan=Scan(table.text("scan", given.get("scan", "fast"), choices=[scan.value for scan in Scan])),
             low=given["low"] if "low" in given else self._bound(table, "low", bounds),
             high=given["high"] if "high" in given else self._bound(table, "high", bounds),
+            plausible=_plausible(table),
             normal=self.normal(table, bounds),
             scale_low=self._bound(table, "scale_low", bounds),
             scale_high=self._bound(table, "scale_high", bounds),
@@ -174,6 +175,17 @@ class Points:
         return None if given is None else float(given)
 
 
+def _plausible(table: Table) -> tuple[float, float] | None:
+    """The range `plausible = [low, high]`: two numbers, as it must hold whatever the options of a machine are."""
+    if not table.has("plausible"):
+        return None
+    ends = table.items("plausible", expected=said("mistake.as_is", what="[low, high]"))
+    if len(ends) != 2 or not all(is_number(end) for end in ends) or not ends[0] < ends[1]:
+        table.note("plausible", ends, said("mistake.pair", pair="[low, high]", order="low < high"))
+        return None
+    return float(ends[0]), float(ends[1])
+
+
 def _check_kind(table: Table, point: Point, *, takes_texts: bool, bounded: bool) -> None:
     """What a point says of itself and cannot be. `takes_texts`: another key of its row has its texts; `bounded`: its limits are checked."""
     register = point.register
@@ -195,6 +207,12 @@ def _check_kind(table: Table, point: Point, *, takes_texts: bool, bounded: bool)
             name = "low" if equal else "scale_low"
             order = f"{name} {'<=' if equal else '<'} {name.replace('low', 'high')}"
             table.note(name, low, said("mistake.pair", pair=f"{name}, {name.replace('low', 'high')}", order=order))
+    if point.plausible is not None and (register is None or register.type is Type.STRING):
+        table.note("plausible", list(point.plausible), said("mistake.plausible_read"))
+    elif point.plausible is not None:
+        for name, bound in (("low", point.low), ("high", point.high)):
+            if bound is not None and not point.plausible[0] <= bound <= point.plausible[1]:
+                table.note(name, bound, span("number", *point.plausible))
     if point.dead_band < 0:
         table.note("dead_band", point.dead_band, span("number", 0, math.inf))
 

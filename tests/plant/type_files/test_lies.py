@@ -58,6 +58,10 @@ def test_without_a_lie_it_is_taken(tmp_path: Path) -> None:
         ("low = 5\nhigh = 1\n", "low", "low <= high"),
         ("scale_low = 5\nscale_high = 5\n", "scale_low", "scale_low < scale_high"),
         ("dead_band = -1\n", "dead_band", "from 0 up"),
+        ("plausible = [5, 5]\n", "plausible", "low < high"),
+        ('plausible = [0, "a"]\n', "plausible", "low < high"),
+        ("plausible = [0]\n", "plausible", "low < high"),
+        ("low = -1\nplausible = [0, 9]\n", "low", "from 0 to 9"),
         ("readable = false\n", "readable", "readable or writable"),
     ],
 )
