@@ -35,7 +35,7 @@ from app.plant.sequence_text import (
     table_of,
     with_section,
 )
-from app.plant.sequences import ABORT, FOLDER
+from app.plant.sequences import ABORT, FOLDER, RUNNING
 from app.plant.texts import Texts
 from app.plant.toml import TomlRefused, parse
 from app.plant.toml_text import CannotEdit, Change, Insert, Put, Remove, Swap, edited
@@ -166,6 +166,7 @@ async def _shown(request: Request, at: Editing, section: str) -> dict[str, Any]:
         "others": await runtime.drafts.others(at.person, at.name),
         "users": [one.id for one in at.plant.equipment.values() if one.sequence and one.sequence.name == at.name],
         "runs": runtime.plant_files.who_runs(at.name),
+        "running": ",".join(str(value) for value in RUNNING),
         "read_only": read_only(request, at),
         "file": f"{FOLDER}/{at.name}.toml",
         "steps": sum(part.key not in ("0", TESTS) for part in parts),

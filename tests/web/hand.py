@@ -31,14 +31,18 @@ class House:
         self.runtime: Runtime = client.app.state.runtime  # type: ignore[attr-defined]
         self._was: dict[str, int] = {}
 
+    def pages(self, item: Equipment) -> list[str]:
+        """Addresses of the screens of a machine."""
+        first = self.client.get(f"/equipment/{item.id}").text
+        links = {unescape(one) for one in re.findall(rf'href="(/equipment/{item.id}/[\w/]+)"', first)}
+        return [f"/equipment/{item.id}", *sorted(links)]
+
     def parts(self) -> Iterator[tuple[Equipment, str, set[str]]]:
         """Machine, address and tags of every part of every screen of a machine."""
         assert self.runtime.plant
         seen: set[str] = set()
         for item in self.runtime.plant.equipment.values():
-            first = self.client.get(f"/equipment/{item.id}").text
-            links = {unescape(one) for one in re.findall(rf'href="(/equipment/{item.id}/[\w/]+)"', first)}
-            for page in (first, *(self.client.get(link).text for link in sorted(links))):
+            for page in (self.client.get(url).text for url in self.pages(item)):
                 for address, tags in PART.findall(page):
                     url = unescape(address)
                     if url.startswith(f"/equipment/{item.id}/") and url not in seen:
