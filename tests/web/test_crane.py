@@ -4,6 +4,7 @@ import asyncio
 import re
 from collections.abc import Iterator
 from html import unescape
+from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
@@ -11,6 +12,8 @@ from fastapi.testclient import TestClient
 from app import bundled
 from app.plant.plant_files.languages import LANGUAGES
 from app.settings import Settings
+from app.sim import training
+from app.sim.crane import training as own
 from tests.virtual import house, pass_time, until
 from tests.web.operating import Operator, runtime_of
 from tests.web.people import Staff
@@ -190,3 +193,32 @@ def test_before_the_first_cycle_it_has_no_time_of_one(ivana: Operator, staff: St
     tags = runtime_of(staff.client).tags
     assert tags.sample("cr1.cycle").value == 0
     assert shown() == ["–"]
+
+
+@pytest.mark.parametrize(
+    ("register", "word", "alarms", "cause"),
+    [
+        (training.REG_MACHINE_FAULT, own.EMERGENCY_STOP, {"emergency_stop"}, "Emergency stop"),
+        (training.REG_POWER, 1, {"safety_brake"}, "Power lost"),
+    ],
+)
+def test_what_the_safety_brakes_fell_in_by_is_one_alarm_and_stands_on_the_page_of_the_hoist(
+    tmp_path: Path, register: int, word: int, alarms: set[str], cause: str
+) -> None:
+    """An emergency stop brings them along: one press is one alarm."""
+    with house(Settings(plant=bundled("plants/crane"), data=tmp_path / "data")) as client:
+        crew = Staff(client)
+        crew.enter("ivana", "engineer", "operator")
+        ivana = Operator(crew, "ivana", ("engineer", "operator"))
+        pass_time(3)
+        engine = runtime_of(client).alarms
+        assert engine is not None
+        sim = runtime_of(client).sim
+        assert sim is not None
+        sim.devices["cr1"].write(6, register, [word])
+        pass_time(5)
+        found = {one.id for one in crew.wait(engine.list.active)}
+        assert found & {"cr1.emergency_stop", "cr1.safety_brake"} == {f"cr1.{one}" for one in alarms}
+        shown = page(ivana, "/equipment/cr1/page/hoist")
+        (hidden,) = re.findall(r'<span class="k-why" data-tag="cr1.safety_trip" data-show=">0"\s*( hidden)?>', shown)
+        assert not hidden and f">{cause}</span>)" in shown
