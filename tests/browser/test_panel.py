@@ -135,6 +135,28 @@ def test_who_signs_out_in_one_window_is_signed_out_in_all(sit: Sit, sessions: di
     sessions.clear()
 
 
+def test_the_way_back_after_a_sign_out_leads_to_nothing_of_the_person(
+    sit: Sit, server: PogonServer, sessions: dict[str, StorageState]
+) -> None:
+    sessions.clear()
+    page = sit(path="/equipment/m1")
+    for path in ("/users", "/equipment/m1/parameters", "/account"):
+        page.goto(server.url + path)
+        expect(page.locator(".head .who")).to_contain_text("ivana")
+    page.click(".user-drop summary")
+    page.click("form[action='/signout'] button")
+    expect(page.locator(".head .who")).to_contain_text("Sign in")
+    seen: set[str] = set()
+    for _ in range(4):
+        page.go_back()
+        expect(page.locator(".head .who")).to_contain_text("Sign in")
+        expect(page.locator("[data-token=take]")).to_have_count(0)
+        assert "ivana" not in page.content()
+        seen.add(page.url)
+    assert len(seen) >= 3, seen
+    sessions.clear()
+
+
 def test_who_takes_control_on_a_slow_line_is_told_to_wait(sit: Sit) -> None:
     page = sit(path="/equipment/m1")
     held: list[Route] = []
