@@ -188,6 +188,21 @@ def when(request: Request, micros: int) -> str:
     return fmt.moment_or_time(micros, zone, language_of(request), runtime.clock.micros())
 
 
+@router.get("/equipment/{key}/definition/now", dependencies=[allow("configure")])
+async def now(request: Request, key: str, section: str = "1", bit: str = "0") -> Response:
+    """Whether a permissive or abort condition of the draft holds now; drawn anew when a point that it names says something else.
+
+    Raises:
+        HTTPException: 404, the draft has no such condition.
+    """
+    at = await editing(request, key)
+    form = Forms(at.equipment, at.plant, at.data, ()).form(section, broken=at.data is None)
+    found = next((one for one in form.bits if one.bit == bit), None)
+    if found is None:
+        raise HTTPException(404)
+    return view_of(request).fragment(request, "fragments/editor_now.html", bit=found)
+
+
 # ---- what is typed -------------------------------------------------------------------------------------------
 
 

@@ -14,7 +14,7 @@ from app.plant.sequence_definition import PREFIX
 from app.plant.sequence_text import HEAD_TABLE, ROWS, TESTS, Section, mask, table_of, unnamed
 from app.plant.sequences import ABORT, FOLDER
 from app.tags.quality import NO_DATA
-from app.web.points import EquipmentView
+from app.web.points import EquipmentView, PointView
 
 HEAD_NUMBERS = ("stall_after", "longest_force")
 HEAD_FLAGS = ("output_while_suspended", "keep_forces")
@@ -64,8 +64,8 @@ class Bit:
     labels: Sequence[Field]
     holds: bool | None
     """Whether its sentence is true now; None = not known."""
-    now: Sequence[str]
-    """The points that it names, with their values."""
+    now: Sequence[tuple[str, PointView]]
+    """What the points that it names are called, and they themselves."""
     wrong: str = ""
 
 
@@ -448,8 +448,8 @@ class Forms(_Fields):
 
     # ---- what holds now -------------------------------------------------------------------------------
 
-    def now(self, sentence: str) -> tuple[bool | None, list[str]]:
-        """Whether `sentence` is true now, and the values of the points that it names."""
+    def now(self, sentence: str) -> tuple[bool | None, list[tuple[str, PointView]]]:
+        """Whether `sentence` is true now, and the points that it names."""
         if not sentence:
             return None, []
         try:
@@ -458,19 +458,14 @@ class Forms(_Fields):
             return None, []
         if parsed.needs_argument or parsed.ages:
             return None, []
-        said = []
+        said: list[tuple[str, PointView]] = []
         for name in sorted(parsed.names):
             machine, key = self._point(name)
             if machine is not None and machine.has(key):
                 view = machine.point(key)
                 own = machine.id == self._equipment.equipment.machine
-                said.append(f"{view.label if own else f'{machine.label}: {view.label}'} {self._value(view)}")
+                said.append((view.label if own else f"{machine.label}: {view.label}", view))
         return parsed.true(self._reading), said
-
-    def _value(self, view: Any) -> str:
-        if not view.usable or view.texts:
-            return str(view.text)
-        return str(view.value_text)
 
     def _point(self, name: str) -> tuple[EquipmentView | None, str]:
         id, _, key = name.rpartition(".")

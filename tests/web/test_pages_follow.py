@@ -31,7 +31,7 @@ HEAD = ("body", "meta", "script", "time")
 OF_ONE = ("csrf", "tab", "q", "htmx-config")
 """Fields that are new on every page, or name what is."""
 VOID = frozenset(("area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"))
-READ_ONCE = ("/parameters", "/encoder", "/fault-buffer", "/compare", "/definition")
+READ_ONCE = ("/parameters", "/encoder", "/fault-buffer", "/compare")
 """Ends of pages that say when they were read."""
 
 

@@ -13,6 +13,7 @@ from app import bundled
 from app.access.roles import Person
 from app.errors import Refused
 from tests.web.conftest import Start
+from tests.web.hand import House
 from tests.web.people import Staff
 
 URL = "/equipment/seq1/definition"
@@ -245,3 +246,20 @@ def test_mistakes_are_told_in_the_language_of_who_edits(
     broken = unescape(window.send("text", text="[[steps]]\nkey = \n").text)
     assert toml in broken
     staff.client.cookies.set("pogon_lang", "en")
+
+
+def test_whether_a_condition_of_the_draft_holds_is_told_as_it_is_now(staff: Staff) -> None:
+    """It was told as it had been when the page was drawn."""
+    house = House(staff.client)
+    staff = house.staff
+    window = Window(staff, "2")
+    (address,) = re.findall(rf'hx-get="({URL}/now\?section=2&amp;bit=0)"', window.page)
+    for least, told in ((0, "yes"), (1000, "no")):
+        assert window.send("fields", permissives__0__when=f"m1.frequency > {least}").status_code == 200
+        window = Window(staff, "2")
+        house.put({"m1.frequency": 20.0})
+        assert f'data-holds="{told}"' in staff.client.get(unescape(address)).text
+        house.put({"m1.frequency": 0.0})
+        assert 'data-holds="no"' in staff.client.get(unescape(address)).text
+    for wrong in ("section=1&bit=99", "section=77&bit=0", "section=tests&bit=0", "section=&bit="):
+        assert staff.client.get(f"{URL}/now?{wrong}").status_code == 404
