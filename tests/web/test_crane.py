@@ -220,5 +220,5 @@ def test_what_the_safety_brakes_fell_in_by_is_one_alarm_and_stands_on_the_page_o
         found = {one.id for one in crew.wait(engine.list.active)}
         assert found & {"cr1.emergency_stop", "cr1.safety_brake"} == {f"cr1.{one}" for one in alarms}
         shown = page(ivana, "/equipment/cr1/page/hoist")
-        (hidden,) = re.findall(r'<span class="k-why" data-tag="cr1.safety_trip" data-show=">0"\s*( hidden)?>', shown)
+        (hidden,) = re.findall(r'<span class="k-cause" data-tag="cr1.safety_trip" data-show=">0"\s*( hidden)?>', shown)
         assert not hidden and f">{cause}</span>)" in shown
