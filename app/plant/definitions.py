@@ -83,8 +83,9 @@ class Point:
     low: float | None = None
     high: float | None = None
     plausible: tuple[float, float] | None = None
+    """Beyond `low`, `high`, what the device can report, the quality is uncertain; beyond the plausible range bad [EU]."""
     normal: tuple[float, float] | None = None
-    """What the device can report, else uncertain; plausible range, outside of which it is bad; normal band [EU]."""
+    """Normal band [EU]."""
     scale_low: float | None = None
     """Ends of a drawn scale [EU]."""
     scale_high: float | None = None
@@ -122,8 +123,7 @@ class Write:
 
     point: str
     value: str
-    """A number; `argument` for what the person entered; `option:<name>` for an option of the equipment; `previous` for what the
-    point held before the command wrote it."""
+    """A number; `argument`: what the person entered; `option:<name>`: of the equipment; `previous`: what the point held before."""
     when: str = ""
     """Sentence: it is left out unless that holds as the command is sent; empty = always written."""
     after: str = ""

@@ -53,6 +53,7 @@ WRITE_SEVERAL = 16
 AROUND_SETTINGS = 3
 """Words of a settings image around its values: generation, count, generation."""
 WORDS_OF_SETPOINT = 2
+"""The PLC counts setpoints, not words (links/orders.py)."""
 SMALLEST_ROW = 5
 """Id of two words, generation, state, generation."""
 MOST_SLOTS = 10_000

@@ -16,7 +16,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
 
-from app.plant.definitions import Argument, Equipment, Kind, Link, Plant, Scan, Type
+from app.plant.definitions import Argument, Equipment, Kind, Link, Plant, Point, Scan, Type
 from app.plant.said import said
 from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceOrder
 from app.plant.sequence_recipe import check_whole
@@ -47,15 +47,7 @@ def commanding(plant: Plant, machine: str) -> list[Equipment]:
 def check_points(table: Table, key: str, text: str, names: Sequence[str], found: Mapping[str, Equipment]) -> None:
     """Note every one of `names`, `equipment.point` each, that the plant does not have as a number that is read in turn, or that is
     compared with a choice that it does not have."""
-    known = {name: found[name.partition(".")[0]] for name in names if name.partition(".")[0] in found}
-    if text not in names:  # one name is no sentence
-        check_choices(
-            table,
-            key,
-            text,
-            lambda name: known[name].points.get(name.partition(".")[2]) if name in known else None,
-            machines=True,
-        )
+    check_choices(table, key, text, lambda name: _point_of(name, found) if name in names else None, machines=True)
     for name in names:
         machine, _, point = name.partition(".")
         item = found.get(machine)
@@ -69,6 +61,12 @@ def check_points(table: Table, key: str, text: str, names: Sequence[str], found:
             table.note(key, text, said("mistake.point_is_text", point=name))
         elif item.points[point].scan in (Scan.PAGE, Scan.ONCE) and item.points[point].register is not None:
             table.note(key, text, said("mistake.point_is_rare", point=name))
+
+
+def _point_of(name: str, found: Mapping[str, Equipment]) -> Point | None:
+    """What `equipment.point` means in the plant; None when it means nothing."""
+    machine, _, key = name.partition(".")
+    return found[machine].points.get(key) if machine in found else None
 
 
 def check_order(

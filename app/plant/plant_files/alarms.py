@@ -8,7 +8,7 @@ from app.plant.said import said
 from app.plant.tables import MISSING, Table
 from app.plant.type_files.alarms import read_alarm, sentences_of
 from app.plant.type_files.names import KEY, KEY_EXPECTED
-from app.plant.type_files.sentences import check_choices, check_expression
+from app.plant.type_files.sentences import check_expression
 
 TEXTS = ("label", "consequence", "cause", "response")
 
@@ -43,5 +43,4 @@ def read_plant_alarm(
         row.note("key", key, said("mistake.alarm_key", name=name))
     for field, text in sentences_of(alarm):
         check_expression(row, field, text, item.points, name)
-        check_choices(row, field, text, item.points.get)
     machines.found[name] = replace(item, alarms=(*item.alarms, alarm))

@@ -38,20 +38,19 @@ class Sentences:
                 table.note(key, text, said("mistake.read_point", point=name))
             for name in sorted((names_in(_OF_QUALITY.sub("0", text)) or frozenset()) & texts):
                 table.note(key, text, said("mistake.point_is_text", point=name))
-            check_choices(table, key, text, points.get, machines=given is not None)
 
 
 def check_expression(
     table: Table,
     key: str,
     text: str,
-    points: Collection[str],
+    points: Mapping[str, Point],
     owner: str,
     *,
     argument: bool = False,
     given: Collection[str] | None = None,
 ) -> None:
-    """Note a problem when `text` is no sentence of the grammar or reads what `owner` has not."""
+    """Note a problem when `text` is no sentence of the grammar, reads what `owner` has not, or compares with a choice that is none."""
     try:
         parsed = expression.parse(text, machines=given is not None)
     except ConfigurationError as error:
@@ -65,6 +64,7 @@ def check_expression(
         table.note(key, text, said("mistake.points_of_type", owner=owner, point=name))
     if parsed.needs_argument and not argument:
         table.note(key, text, said("mistake.no_argument"))
+    check_choices(table, key, text, points.get, machines=given is not None)
 
 
 def check_choices(
