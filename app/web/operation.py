@@ -52,6 +52,8 @@ class Button:
     """Second line: the object, the progress, or why not."""
     reason: str = ""
     """Why it cannot be pressed; empty = it can."""
+    cause: str = ""
+    """The first cause of that alone."""
     look: str = ""
     """`danger` for what asks first."""
     since: int = 0
@@ -192,13 +194,13 @@ class Operation:
     def _button(self, view: CommandView) -> Button:
         command = self.equipment.equipment.type.commands[view.key]
         url = f"{self.url}/stop" if view.stop else f"{self.url}/{'hold' if view.hold else 'command'}/{view.key}"
-        reason = self.why_not(view.key)
+        cause, reason = self._why_not(view.key)
         asks = not reason and not command.stop and self.gate is not None and self.gate.level(self.id, view.key) >= "C2"
         idle = self.equipment.text("operate.asks_first") if asks else f"{self.id.upper()} · {self.equipment.label}"
         look = "danger" if asks else ""
         progress = self.progress
         if progress is None or progress.command != view.key or (reason and progress.over):
-            return Button(view, url, line=reason or idle, reason=reason, look=look)
+            return Button(view, url, line=reason or idle, reason=reason, cause=cause, look=look)
         state = DRAWN.get(progress.state, "failed")
         if progress.over and progress.state is ProgressState.UNKNOWN:
             state = "failed"
@@ -206,25 +208,32 @@ class Operation:
             waits = progress.accepted if progress.state is ProgressState.ACCEPTED and not view.hold else 0
             line = f"{self.equipment.text(progress.text)} {self.words.time(progress.accepted or progress.requested)}"
             pattern = self.equipment.text("fb.waiting") if waits else ""
-            return Button(view, url, state, line, reason, look, waits, progress.limit, pattern)
+            return Button(view, url, state, line, reason, cause, look, waits, progress.limit, pattern)
         text = self.equipment.text(progress.text)
         line = f"{text} {self.words.time(progress.ended)}" if state == "done" else self.words.because(progress) or text
-        return Button(view, url, state, f"{line} · {idle}" if asks else line, reason, look)
+        return Button(view, url, state, f"{line} · {idle}" if asks else line, reason, cause, look)
 
     def why_not(self, key: str) -> str:
         """Why this person cannot give the command (or write the setpoint) now, in words; empty = possible."""
+        return self._why_not(key)[1]
+
+    def _why_not(self, key: str) -> tuple[str, str]:
+        """The first cause alone, and with how many there are besides."""
         text = self.equipment.text
         command = self.equipment.equipment.type.commands.get(key)
         permission = "stop" if command and command.stop else "operate"
         if self.gate is None:
-            return text("operate.not_ready")
-        if self.person is None:
-            return text("operate.sign_in")
-        if not self.person.may(permission):
-            return text("why.idle" if self.person.idle else "why.role")
-        if permission == "stop":
-            return ""  # whoever may stop may always try
-        return self.words.explain_first(self.gate.why_not(self.person, self.id, key))
+            why = text("operate.not_ready")
+        elif self.person is None:
+            why = text("operate.sign_in")
+        elif not self.person.may(permission):
+            why = text("why.idle" if self.person.idle else "why.role")
+        elif permission == "stop":
+            why = ""  # whoever may stop may always try
+        else:
+            found = self.gate.why_not(self.person, self.id, key)
+            return self.words.explain_first(found[:1]), self.words.explain_first(found)
+        return why, why
 
     def former(self, button: Button) -> str:
         """The value before the last change, as it is entered; empty when there is none, or it is the present one."""

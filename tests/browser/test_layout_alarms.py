@@ -1,11 +1,13 @@
 """While alarms stand and a drive is tripped, every command of every machine is above Stop, for who holds it and for who does not."""
 
+import tomllib
 from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.looks import CUT, EACH_WAY, FAULTS, open_page
+from app import bundled
+from tests.browser.looks import CUT, EACH_WAY, FAULTS, SIZES, open_page
 from tests.browser.station import LANGUAGES, Sit, Stations, built, fault, lay_out, let_go, origin, serving, speak, take
 from tests.browser.test_layout_machines import MACHINES
 
@@ -13,15 +15,42 @@ DESKS = ((1280, 800), (1024, 768), (1366, 768), (1280, 720))
 TRIPPED = {"m1": 13, "a1": 7900}
 """Machine → the fault that it has."""
 UNTOLD = (
-    """() => { // refused commands whose reason stands nowhere among them, whichever way of operating is chosen
+    """(ordinary) => { // refused commands whose reason stands nowhere among them, whichever way of operating is chosen
   const found = new Set(), zone = document.querySelector('.zone:has(.cmd.stop)');
   const seen = (e) => e.checkVisibility({ visibilityProperty: true }) && getComputedStyle(e).clipPath !== 'inset(50%)' && !e.closest('.vh');
   const look = () => {
     const said = [...zone.querySelectorAll('small, .hint')].filter(seen).map((e) => e.textContent).join(' · ');
     for (const one of zone.querySelectorAll('.cmd[aria-disabled=true]')) {
+      if (ordinary && one.matches(ordinary)) continue;
       const why = one.querySelector('small').textContent.trim();
       if (one.checkVisibility() && !said.includes(why.replace(/, [^,]*\\d[^,]*$/, ''))) // without how many more there are
         found.add(`"${one.querySelector('.cmd-t').firstChild.data.trim()}" does not say "${why}"`);
+    }
+  };"""
+    + EACH_WAY
+)
+ORDINARY = (
+    "reset",
+    "confirm_weight",
+    "suspend",
+    "resume",
+    "abort",
+    "reject_task",
+    "run_blocks",
+    "move_",
+    "intermediate_stop",
+)
+"""Commands that one seldom can give, and need not: a small panel tells why when they are pressed, a tripped axis of Enable only."""
+WHOLE = (
+    """(longest) => { // what says why, as long as it may become, whichever way of operating is chosen
+  const found = new Set(), zone = document.querySelector('.zone:has(.cmd.stop)');
+  const look = () => {
+    for (const one of zone.querySelectorAll('.op-above')) {
+      one.textContent = longest;
+      const { right, bottom } = one.getBoundingClientRect(), release = zone.querySelector('.token .btn').getBoundingClientRect();
+      if (!one.checkVisibility()) continue;
+      if (one.scrollHeight > one.clientHeight + 1 || one.scrollWidth > one.clientWidth + 1) found.add(`cut: ${longest}`);
+      if (right > release.left + 1 || bottom > release.bottom + 1) found.add(`beyond its row: ${longest}`);
     }
   };"""
     + EACH_WAY
@@ -84,6 +113,35 @@ def test_a_command_that_is_refused_says_why_before_it_is_pressed(tripped: Page, 
         let_go(page)
     built(page, "cr1")
     assert found == [], "\n".join(["", *found])
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_a_small_panel_says_why_what_is_chosen_cannot_be_pressed(tripped: Page, lang: str) -> None:
+    """Buttons have no line for it there; it is said once, also as long as it may become, and hides no command."""
+    page, url = tripped, origin(tripped)
+    speak(page, lang, url)
+    found: list[str] = []
+    for machine, kind in (("cc1", "coil_car"), ("cr1", "crane"), ("a1", "epos")):
+        lay_out(page, 1280, 800, "desk")
+        open_page(page, f"{url}/equipment/{machine}")
+        take(page)
+        if machine != "a1":
+            page.click(".op > .stop")
+            expect(page.locator(".op > .stop")).to_have_attribute("data-state", "done")
+        lay_out(page, *SIZES["small"])
+        ordinary = ", ".join(f"[data-part^='{machine}.{key}']" for key in ORDINARY)
+        wrong = [*page.evaluate(UNTOLD, ordinary), *page.evaluate(CUT), *page.evaluate(WHOLE, _longest(kind, lang))]
+        found += [f"{lang} {machine}: {one}" for one in wrong]
+        lay_out(page, 1280, 800, "desk")
+        let_go(page)
+    built(page, "cr1")
+    assert found == [], "\n".join(["", *found])
+
+
+def _longest(kind: str, lang: str) -> str:
+    """The longest of what a machine of this type may lack."""
+    texts = tomllib.loads((bundled("app/equipment") / kind / f"texts.{lang}.toml").read_text("utf-8"))
+    return max((text for group in texts["missing"].values() for text in group.values()), key=len)
 
 
 @pytest.mark.parametrize("lang", LANGUAGES)

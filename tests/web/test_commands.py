@@ -10,6 +10,8 @@ from fastapi.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
 from app.access.audit.search import Filter
+from app.sim.sinamics.adjustment import STATE
+from app.sim.sinamics.adjustment import State as Adjusted
 from app.sim.training import REG_MACHINE_FAULT
 from tests.web.operating import Operator, button, line_of, runtime_of, until, words
 from tests.web.people import BOSS, Staff
@@ -184,6 +186,23 @@ def test_what_the_message_line_says_of_control_names_the_machine(
     assert refused.status_code == 423
     assert re.match("M2: .*ana", line_of(refused))
     assert re.search('data-told="M2: [^"]*ana', his)
+
+
+def test_one_cause_that_all_commands_lack_is_said_once_whatever_each_lacks_besides(staff: Staff, ana: Operator) -> None:
+    """A small panel has no other place for it: buttons count what is missing besides, the line under them does not."""
+    cause = "Drive not enabled: press Enable first"
+    ana.post("/equipment/a1/stop")
+    assert settled(staff, "a1") == "confirmed"
+    ana.take("a1")
+    drive = runtime_of(staff.client).sim.devices["a1"]  # type: ignore[union-attr]
+    drive._value[STATE] = Adjusted.NOT_ADJUSTED
+    assert until(lambda: value(staff, "a1.zsw1_home_position_set") == 0)
+    answer = ana.get("/equipment/a1/commands")
+    drive._value[STATE] = Adjusted.ADJUSTED
+    ana.post("/equipment/a1/token/release")
+    assert f"{cause}, and 1 more" in words(button(answer, "a1.move_absolute"))
+    assert words(button(answer, "a1.intermediate_stop")).endswith(cause)
+    assert f'data-part="a1.why">{cause}</p>' in answer.text
 
 
 # ---- commands -------------------------------------------------------------------------------------------------
