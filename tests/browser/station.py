@@ -226,6 +226,18 @@ def take(page: Page) -> None:
     expect(page.locator(".token").first).to_have_attribute("data-holding", "mine")
 
 
+def stopped(page: Page) -> None:
+    """Press Stop of the machine on the page, and wait until it is at rest: this Stop is done, not one of before."""
+    with page.expect_response(lambda answer: answer.url.endswith("/stop")) as answer:
+        page.click(".op > .stop")
+    begun, done = time.monotonic(), re.compile(rf'data-id="{answer.value.headers["x-command"]}[^>]*data-kind="done"')
+    machine = answer.value.url.removesuffix("/stop")
+    while not done.search(page.request.get(f"{machine}/commands", max_retries=1).text()):
+        assert time.monotonic() < begun + 30, f"{machine} has not stopped"
+        page.wait_for_timeout(50)
+    expect(page.locator(".op > .stop")).to_have_attribute("data-state", "done")
+
+
 def origin(page: Page) -> str:
     """The server whose page this is, as `http://127.0.0.1:8000`."""
     return "{0.scheme}://{0.netloc}".format(urlsplit(page.url))

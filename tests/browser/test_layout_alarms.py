@@ -8,7 +8,20 @@ from playwright.sync_api import Page, expect
 
 from app import bundled
 from tests.browser.looks import CUT, EACH_WAY, FAULTS, SIZES, open_page
-from tests.browser.station import LANGUAGES, Sit, Stations, built, fault, lay_out, let_go, origin, serving, speak, take
+from tests.browser.station import (
+    LANGUAGES,
+    Sit,
+    Stations,
+    built,
+    fault,
+    lay_out,
+    let_go,
+    origin,
+    serving,
+    speak,
+    stopped,
+    take,
+)
 from tests.browser.test_layout_machines import MACHINES
 
 DESKS = ((1280, 800), (1024, 768), (1366, 768), (1280, 720))
@@ -103,8 +116,7 @@ def test_a_command_that_is_refused_says_why_before_it_is_pressed(tripped: Page, 
         open_page(page, f"{url}/equipment/{machine}")
         take(page)
         if standing == "stopped":
-            page.click(".op > .stop")
-            expect(page.locator(".op > .stop")).to_have_attribute("data-state", "done")
+            stopped(page)
         for width, height in DESKS:
             lay_out(page, width, height, "desk")
             wrong = [*page.evaluate(UNTOLD), *page.evaluate(CUT), *page.evaluate(UNREAD)]
@@ -126,8 +138,7 @@ def test_a_small_panel_says_why_what_is_chosen_cannot_be_pressed(tripped: Page, 
         open_page(page, f"{url}/equipment/{machine}")
         take(page)
         if machine != "a1":
-            page.click(".op > .stop")
-            expect(page.locator(".op > .stop")).to_have_attribute("data-state", "done")
+            stopped(page)
         lay_out(page, *SIZES["small"])
         ordinary = ", ".join(f"[data-part^='{machine}.{key}']" for key in ORDINARY)
         wrong = [*page.evaluate(UNTOLD, ordinary), *page.evaluate(CUT), *page.evaluate(WHOLE, _longest(kind, lang))]

@@ -8,7 +8,20 @@ from playwright.sync_api import Page, expect
 
 from app import bundled
 from tests.browser.looks import FAULTS, SIZES
-from tests.browser.station import LANGUAGES, Sit, Stations, fault, lay_out, let_go, origin, serving, small, speak, take
+from tests.browser.station import (
+    LANGUAGES,
+    Sit,
+    Stations,
+    fault,
+    lay_out,
+    let_go,
+    origin,
+    serving,
+    small,
+    speak,
+    stopped,
+    take,
+)
 from tests.browser.test_sequence import head
 
 SCREENS = (*SIZES.values(), (1024, 768, "desk"), (768, 1024, "desk"), (360, 740, "desk"))
@@ -56,8 +69,7 @@ def test_what_ended_a_run_is_read_whole(page: Page) -> None:
     """Somebody stops the machine under the run."""
     page.goto(f"{origin(page)}/equipment/cc1")
     take(page)
-    page.click(".op > .stop")
-    expect(page.locator(".op > .stop")).to_have_attribute("data-state", "done", timeout=30_000)
+    stopped(page)
     let_go(page)
     page.goto(f"{origin(page)}/equipment/seq1")
     expect(head(page)).to_contain_text("Aborted in step", timeout=30_000)
