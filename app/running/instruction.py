@@ -32,6 +32,7 @@ class Trainee:
     problem: str = ""
     """Text key of why."""
     reason: str = ""
+    """Text key of what its line says, where that is it."""
 
 
 async def write(link: RegisterLink, item: Equipment, wanted: Mapping[int, int], act: str = "") -> Words:
@@ -54,7 +55,7 @@ async def write(link: RegisterLink, item: Equipment, wanted: Mapping[int, int], 
         if act not in trained.acts:
             await _confirm(link, item, wanted)
     except LinkError as error:
-        raise Refused("instructor.not_written", 409, cause=str(error)) from error
+        raise Refused("instructor.not_written", 409, cause=f"link.error.{error.kind}") from error
     return {address: before.words[address] for address in wanted}
 
 
@@ -90,7 +91,7 @@ async def look(link: RegisterLink, item: Equipment) -> Trainee:
     try:
         words = await _area(link, item.unit)
     except LinkError as error:
-        return Trainee(item, link, None, "instructor.not_read", str(error))
+        return Trainee(item, link, None, "instructor.not_read", f"link.error.{error.kind}")
     if words is None:
         return Trainee(item, link, None, "instructor.not_simulated")
     return Trainee(item, link, words)

@@ -295,6 +295,8 @@ def _reason(request: Request, line: Record) -> str:
         )
         cause = params.get("cause", "")
         params["because"] = _known(request, cause, cause, **params).rstrip(".")
+    if "cause" in params and "because" not in params:
+        params["because"] = _known(request, params["cause"], params["cause"])
     if line.kind == "access.denied":
         roles = [
             _known(request, f"access.role.{role}", role)

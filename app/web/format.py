@@ -234,8 +234,8 @@ def exception_key(code: int) -> str:
 
 
 def parameters(params: Mapping[str, object], lang: str, text: Text) -> dict[str, object]:
-    """`params` of a reason as a person reads them: values and units in the language, ages and seconds short, and no sign of a text that
-    cannot be read or turns the writing round; others as they are."""
+    """`params` of a reason as a person reads them: values and units in the language, ages and seconds short, what a line says (`cause`) as
+    `because`, and no sign of a text that cannot be read or turns the writing round; others as they are."""
     written = dict(params)
     for name, value in params.items():
         if isinstance(value, str):  # it may have been typed
@@ -249,6 +249,8 @@ def parameters(params: Mapping[str, object], lang: str, text: Text) -> dict[str,
             written[name] = age(value)
     if isinstance(unit := params.get("unit"), str):
         written["unit"] = unit_symbol(unit, text)
+    if isinstance(cause := params.get("cause"), str) and cause.startswith("link.error."):
+        written["because"] = text(cause)
     return written
 
 

@@ -403,7 +403,9 @@ def _row(request: Request, one: Trainee) -> dict[str, Any]:
     row: dict[str, Any] = {
         "id": item.id,
         "label": view.machine(request, item).label,
-        "problem": text(request, one.problem, machine=item.id, cause=one.reason) if one.problem else "",
+        "problem": text(request, one.problem, machine=item.id, because=one.reason and text(request, one.reason))
+        if one.problem
+        else "",
         "active": [],
         "fault": 0,
         "mode": 0,

@@ -5,6 +5,7 @@ import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,9 @@ from fastapi.testclient import TestClient
 
 from app import bundled
 from app.access.audit.search import Filter
+from app.errors import LinkError, NoAnswer, NotConnected, Overtaken
 from app.plant.definitions import Training
+from app.plant.texts import Texts
 from app.sim import training
 from app.sim.eura_e800 import training as own
 from app.sim.machines import MACHINE_FAULTS
@@ -163,6 +166,31 @@ def test_nothing_is_shown_as_done_that_was_not_read_back(staff: Staff, monkeypat
     assert "Sent, but not read back" in answer.text
     assert "Read back:" not in answer.text
     assert told(staff)[0].result == "refused"
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+@pytest.mark.parametrize("error", [Overtaken("unit 1: 0xe010"), NoAnswer("unit 1"), NotConnected("hall")])
+def test_what_the_line_says_is_told_in_the_language_of_who_asks_there_and_in_the_audit(
+    staff: Staff, monkeypatch: pytest.MonkeyPatch, error: LinkError, lang: str
+) -> None:
+    async def fails(*_: Any) -> None:
+        raise error
+
+    link = link_of(staff.client)
+    said = Texts.read().text(lang, f"link.error.{error.kind}")
+    staff.client.cookies.set("pogon_lang", lang)
+    with monkeypatch.context() as patch:
+        patch.setattr(link, "raw_write", fails)
+        answer = staff.post("/instructor/m1/fault", {"code": "4"})
+    assert answer.status_code == 409 and said in unescape(answer.text) and str(error) not in answer.text
+    with monkeypatch.context() as patch:
+        patch.setattr(link, "raw_read", fails)
+        assert said in unescape(staff.client.get("/instructor/m1").text)
+    assert told(staff)[0].parameters["cause"] == f"link.error.{error.kind}"
+    staff.enter("boss2", "admin", "engineer")
+    staff.client.cookies.set("pogon_lang", lang)
+    assert said in unescape(staff.client.get("/audit").text)
+    staff.enter("ivana", "engineer")
 
 
 def test_a_type_that_says_nothing_of_training_spoils_nobodys_page(staff: Staff) -> None:
