@@ -233,12 +233,11 @@ class Recorder:
         points, id = self._wanted, self._database.id
         start = self._clock.micros()
 
-        def work(connection: Connection) -> dict[str, int]:
+        def work(connection: Connection) -> tuple[store.Closed, dict[str, int]]:
             self._minutes.forget()
-            store.begin_run(connection, start)
-            return store.register(connection, points)
+            return store.begin_run(connection, start), store.register(connection, points)
 
-        numbers = await self._database.write(work)
+        closed, numbers = await self._database.write(work)
         self._start, self._alive, self._id = start, start, id
         for track in self._by_id.values():
             track.end(self._rows)
@@ -246,6 +245,7 @@ class Recorder:
         self._rows = [(moved[row[0]], *row[1:]) for row in self._rows if row[0] in moved]
         for track in self._by_id.values():
             track.number, track.quality = moved.get(track.number, track.number), -1
+        self._go_beyond(closed)
         self._take_as_it_stands()
         log.info("history goes on in another file points=%d", len(moved))
 
@@ -258,8 +258,15 @@ class Recorder:
         await self._open()
         if not self._begun:
             start = self._start
-            await self._database.write(lambda connection: store.begin_run(connection, start))
+            closed = await self._database.write(lambda connection: store.begin_run(connection, start))
             self._begun = True
+            self._go_beyond(closed)
+
+    def _go_beyond(self, closed: store.Closed) -> None:
+        """The run before may have ended later than this one began, by a clock that was ahead: what is so is told again behind its end."""
+        if closed.ahead >= self._start:
+            for track in self._by_id.values():
+                track.ahead = max(track.ahead, closed.ahead)
 
     async def _register(self, points: list[Point]) -> None:
         try:

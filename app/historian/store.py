@@ -89,12 +89,22 @@ ADD = Statement(insert(point), "lasting_id", "name", "unit", "kind")
 CHANGE = Statement(update(point).where(point.c.lasting_id == bindparam("of")), "name", "unit", "kind", "of")
 
 
-def begin_run(connection: Connection, start: int) -> int:
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """What a run found open."""
+
+    samples: int
+    """Samples that close something."""
+    ahead: int
+    """When the latest of them says that nothing is known: if that is behind the start, this run tells there anew what is so [µs UTC]."""
+
+
+def begin_run(connection: Connection, start: int) -> Closed:
     """Note that the recorder runs since `start` [µs UTC], and close what the run before left open.
 
     A run that was killed could not say that its values hold no longer: every point whose last sample is not bad gets a bad one,
     directly after the last sign of life. After a clock that was set back this is done more than once: before `start`, at the end of what
-    lies behind it, and where the last run ended. Returns the number of these.
+    lies behind it, and where the last run ended.
     """
     before, alive = ALIVE(connection, until=start).scalar() or 0, ALIVE(connection, until=FOREVER).scalar() or 0
     latest = LATEST(connection).first()
@@ -111,7 +121,7 @@ def begin_run(connection: Connection, start: int) -> int:
     if ended not in (0, before, alive):
         rows += [(number, ended + 1, None, None, NO_DATA) for number, _ in LEFT_OPEN(connection, until=ended + 1)]
     append(connection, rows, start, start)
-    return len(rows)
+    return Closed(len(rows), max((row[1] for row in rows), default=0))
 
 
 FOREVER = (1 << 63) - 1

@@ -277,6 +277,24 @@ async def test_a_server_killed_after_its_clock_was_set_back_leaves_no_good_value
     ]
 
 
+@pytest.mark.parametrize("seconds", [0.0, 10.0])
+async def test_what_does_not_change_is_known_behind_the_end_of_a_run_whose_clock_was_ahead(
+    history: Database, seconds: float
+) -> None:
+    """Where the former run ended nothing was known any more, and a value that stays is told again after ten minutes only."""
+    source, made = await recording(history, point())
+    source.publish(m1_speed=1.0)
+    source.clock.advance(seconds)
+    await made.close()
+    ended = source.clock.micros()
+    later, again = await recording(history, point())  # its clock begins where that of the other one began
+    later.publish(m1_speed=1.0)
+    for _ in range(3):
+        later.clock.advance(seconds / 2 + 0.5)
+        await again.flush()
+    assert rows_of(history)[-2:] == [(ended + 1, None, NO_DATA), (ended + 2, 1.0, GOOD)]
+
+
 async def test_points_without_history_leave_none(history: Database) -> None:
     silent = Point("m1.code", "m1.code", "m1", "code", "code", history=False)
     source, made = await recording(history, point(), silent)
