@@ -93,10 +93,10 @@ class Schedule:
     def at(self, block: ScanBlock, due: float, *, first: bool = False) -> None:
         """Give `block` its place at `due` [s], instead of the one that it had; `first`: before all other scans.
 
-        A block that is not wanted gets none.
+        A block that is not wanted gets none, nor one whose machine is no longer there: what was written to it came back after it went.
         """
         block.ticket += 1
-        if not block.wanted:
+        if not (block.wanted and block.alive):
             block.queued = False
             return
         block.due = due

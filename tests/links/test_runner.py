@@ -199,3 +199,25 @@ async def test_a_write_waits_for_the_telegram_on_the_wire_and_no_longer() -> Non
             longest = max(longest, asyncio.get_running_loop().time() - began)
             await asyncio.sleep(0.013)
         assert longest < 0.03 + 0.03 + 0.02, "one telegram of another, its own, and the loop"
+
+
+async def test_what_was_written_to_a_machine_that_went_meanwhile_ends_no_link() -> None:
+    """The answer comes after the plant file was taken anew without the machine: what it wrote to is not read back, and the others go on."""
+    devices = {unit: RegisterDevice({0: 0}) for unit in (1, 2)}
+    answer = on_bus(Bus(devices))
+
+    async def slow_to_write(unit: int, pdu: bytes) -> bytes | None:
+        if pdu[0] != 3:
+            await asyncio.sleep(0.05)
+        return await answer(unit, pdu)
+
+    stays, goes = row("m1", 1, 1, QUICK), row("m2", 2, 1, QUICK, writable=True)
+    async with running([stays, goes], exchange=slow_to_write) as line:
+        await until(lambda: (line.value("m1.v0"), line.value("m2.v0")) == (0, 0))
+        writing = asyncio.create_task(line.link.write("m2", "v0", 5))
+        await asyncio.sleep(0.02)
+        line.link.renew([stays])
+        await asyncio.gather(writing, return_exceptions=True)
+        devices[1].words[0] = 7
+        await until(lambda: line.value("m1.v0") == 7, 2)
+    assert devices[2].words[0] == 5
