@@ -335,7 +335,10 @@ class World:
         assert runtime.gate is not None
         machine, person = runtime.gate._state.machines.get(order.equipment), order.person
         at_work = machine and (machine.set or machine.job)
-        if machine is None or person is None or not at_work or at_work.prepared.command.stop:
+        if machine is None or person is None or not at_work:
+            return
+        command = machine.item.type.commands.get(order.key)
+        if command is not None and command.stop:  # its line is written beside what is at work by then
             return
         tags, prepared, found = runtime.tags, at_work.prepared, self.bus_of(order.equipment)
 
