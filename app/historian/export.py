@@ -19,7 +19,7 @@ from zoneinfo import ZoneInfo
 from sqlalchemy import Connection
 
 from app import __version__
-from app.clock import to_datetime, to_micros
+from app.clock import is_moment, to_datetime, to_micros
 from app.db import Database
 from app.errors import ConfigurationError
 from app.historian import calendar, query
@@ -513,6 +513,8 @@ def span(begin: str, end: str, zone: ZoneInfo, now: int) -> tuple[int, int]:
 
 def meant(text: str, micros: int, zone: ZoneInfo) -> str:
     """What somebody wrote, and what time that is when it is not the same: relative, with another offset, or left out by the clock."""
+    if not is_moment(micros):
+        return text.strip()
     local = to_datetime(micros).astimezone(zone).isoformat(timespec="seconds")
     return text.strip() if local.startswith(text.strip()) else f"{text.strip()} (= {local})"
 

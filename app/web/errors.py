@@ -1,6 +1,8 @@
 """What a person reads when a request was not carried out: the page in their language, a line for htmx, JSON for programs."""
 
+import json
 import logging
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 from fastapi import FastAPI, Request
@@ -33,10 +35,24 @@ HINTS = {TEXTS[403]: "error.who_may", TEXTS[404]: "error.nothing_at", TEXTS[500]
 """What a page says below: what it was about, and what to do now."""
 LONGEST_ADDRESS = 120
 """Characters of an address that a page repeats."""
+LONGEST_VALUE = 120
+"""Characters of a wrong value that an answer repeats."""
 
 
 class PlantBroken(Exception):
     """There is no plant to show: its files have mistakes."""
+
+
+class Wrong(Exception):
+    """A part of a program's request is wrong: which one (`query.limit`), what it says, what was expected."""
+
+    def __init__(
+        self, field: str, value: object, expected: str, status: int = 422, said: Refused | None = None
+    ) -> None:
+        """`said` is the reason in words, if there is a better one than that of the status."""
+        super().__init__(f"{field}: {value}, expected {expected}")
+        self.fault = fault(field, value, expected)
+        self.said = said or Refused(TEXTS[status], status)
 
 
 def install(app: FastAPI) -> None:
@@ -44,6 +60,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, _http)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(Refused, _refused)
+    app.add_exception_handler(Wrong, _wrong)
     app.add_exception_handler(PlantBroken, _broken_plant)
     app.add_exception_handler(StorageError, _storage)
 
@@ -57,14 +74,22 @@ async def internal(request: Request, reference: str) -> Response:
         return PlainTextResponse(f"Internal error {reference}", 500)
 
 
-def answer(request: Request, status: int, key: str, reference: str = "", **params: object) -> Response:
-    """The text `key` in the form that the asker can use."""
+def answer(
+    request: Request,
+    status: int,
+    key: str,
+    reference: str = "",
+    fields: Sequence[Mapping[str, str]] = (),
+    **params: object,
+) -> Response:
+    """The text `key` in the form that the asker can use; `fields` are the parts of a program's request that are wrong."""
     view: View = request.app.state.view
     text = view.text(request, key, **params).rstrip()
     if request.url.path.startswith("/api/"):
         more = {"reference": reference} if reference else {}
         more |= {"argument": str(params["argument"])} if "argument" in params else {}
-        return JSONResponse({"error": key, "text": text} | more, status)
+        told = {"fields": fields} if fields else {}
+        return JSONResponse({"error": key, "text": text} | more | told, status)
     if request.headers.get("hx-request") == "true":
         return view.fragment(request, "fragments/error.html", status=status, text=text, reference=reference)
     return view.page(
@@ -95,17 +120,41 @@ async def _http(request: Request, error: Exception) -> Response:
 
 async def _invalid(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    if request.url.path.startswith("/api/"):
-        fields = [{"field": ".".join(map(str, fault["loc"])), "expected": fault["msg"]} for fault in error.errors()]
-        return JSONResponse({"error": TEXTS[422], "fields": fields}, 422)
-    return answer(request, 422, TEXTS[422])
+    faults = []
+    for one in error.errors():
+        said = None if one["type"] in WITHOUT_VALUE else one.get("input")
+        faults.append(fault(".".join(map(str, one["loc"])), said, one["msg"]))
+    return answer(request, 422, TEXTS[422], fields=faults)
+
+
+WITHOUT_VALUE = frozenset({"missing", "json_invalid"})
+"""Faults of which the input is what is around it."""
+
+
+def fault(field: str, value: object, expected: str) -> dict[str, str]:
+    """What is wrong with a part of a request, as an answer tells it: a value is as the request wrote it, `null` where it has none."""
+    written = value if isinstance(value, str) else json.dumps(value, default=str)
+    return {
+        "field": printable(field, LONGEST_VALUE),
+        "value": printable(written, LONGEST_VALUE),
+        "expected": expected,
+    }
+
+
+async def _wrong(request: Request, error: Exception) -> Response:
+    assert isinstance(error, Wrong)
+    return _said(request, error.said, [error.fault])
 
 
 async def _refused(request: Request, error: Exception) -> Response:
     assert isinstance(error, Refused)
+    return _said(request, error)
+
+
+def _said(request: Request, error: Refused, fields: Sequence[Mapping[str, str]] = ()) -> Response:
     view: View = request.app.state.view
     written = fmt.parameters(error.params, language_of(request), partial(view.text, request))
-    return answer(request, error.status, error.reason, "", **written)
+    return answer(request, error.status, error.reason, "", fields, **written)
 
 
 async def _storage(request: Request, error: Exception) -> Response:

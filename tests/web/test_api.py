@@ -92,6 +92,95 @@ def test_what_is_not_there_or_not_sound_is_said_in_json(staff: Staff, path: str,
     assert answer.json()["error"]
 
 
+RANGE = "from=2026-03-09T06:00:00Z&to=2026-03-09T07:00:00Z"
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "field", "value", "expected"),
+    [
+        ("/tags?limit=0", 422, "query.limit", "0", "greater than or equal to 1"),
+        ("/tags?limti=5", 422, "query.limti", "5", "one of after, limit, names, prefix"),
+        ("/tags?limit=5&limit=6", 422, "query.limit", "5, 6", "once"),
+        ("/tags?names=m1.speed,m1.nothing", 404, "query.names", "m1.nothing", "a tag of the plant"),
+        ("/tags/m1.nothing", 404, "path.name", "m1.nothing", "a tag of the plant"),
+        ("/equipment/m9", 404, "path.key", "m9", "a machine of the plant"),
+        ("/equipment/m1?x=1", 422, "query.x", "1", "no parameter"),
+        ("/equipment/m1/commands/fly/reasons", 404, "path.command", "fly", "one of "),
+        (f"/history?tags=,&{RANGE}", 422, "query.tags", ",", "1 to 8 tags"),
+        (f"/history?tags=m1.nothing&{RANGE}", 404, "query.tags", "m1.nothing", "a tag of the plant"),
+        (f"/history?tags=m1.speed&wdith=9&{RANGE}", 422, "query.wdith", "9", "one of from, tags, to, width"),
+        (f"/history?tags=m1.speed&from=-1h&{RANGE}", 422, "query.from", "-1h, 2026-03-09T06:00:00Z", "once"),
+        ("/history?tags=m1.speed&from=20260309&to=now", 422, "query.from", "20260309", "ISO 8601 with its offset"),
+        ("/history?tags=m1.speed&from=2026-03-09T06:00:00&to=2026", 422, "query.from", "2026-03-09T06:00:00", "offset"),
+        (
+            "/history/m1.speed/raw?from=2026-03-09T07:00:00Z&to=2026-03-09T06:00:00Z",
+            422,
+            "query.to",
+            "2026-03-09T06:00:00Z",
+            "after from",
+        ),
+        ("/events?lmit=5", 422, "query.lmit", "5", "one of before, equipment, event, from, limit, q, to"),
+        ("/events?event=nix", 422, "query.event", "nix", "key or code of an event"),
+        ("/events?from=2026-03-09", 422, "query.from", "2026-03-09", "ISO 8601 with its offset"),
+        ("/records/nix", 404, "path.kind", "nix", "one of "),
+        ("/records/passage?longer=5", 422, "query.longer", "5", "one of alarm, before, correction, "),
+        ("/records/passage?correction=big", 422, "query.correction", "big", "above"),
+        ("/records/passage?outcome=nix", 422, "query.outcome", "nix", "one that the kind has"),
+        (
+            "/records/passage?from=2026-03-09T07:00:00Z&to=2026-03-09T06:00:00Z",
+            422,
+            "query.to",
+            "T06:00:00Z",
+            "after from",
+        ),
+        (
+            "/records/passage?from=9999-12-31T23:59:59-12:00&to=0001-01-01T00:00:00%2B14:00",
+            422,
+            "query.to",
+            "0001-01-01",
+            "after from",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_request_is_named_with_what_it_says_and_what_was_expected(
+    staff: Staff, path: str, status: int, field: str, value: str, expected: str
+) -> None:
+    answer = Program(staff, "view", "export", "operate").get(path)
+    assert answer.status_code == status, answer.text
+    said = answer.json()
+    assert said["error"] and said["text"]
+    fault = said["fields"][0]
+    assert fault["field"] == field and value in fault["value"] and expected in fault["expected"], fault
+
+
+def test_a_plus_that_was_not_escaped_is_still_an_offset(staff: Staff) -> None:
+    program = Program(staff, "view")
+    asked = "/history?tags=m1.speed&from=2026-03-09T06:00:00+01:00&to=2026-03-09T07:00:00+01:00"
+    assert program.get(asked).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "status", "field", "value"),
+    [
+        ("/equipment/m9/stop", {"id": "press-0001"}, 404, "path.key", "m9"),
+        ("/equipment/m1/control/steal", {}, 404, "path.action", "steal"),
+        ("/equipment/m1/commands/fly", {"id": "press-0001"}, 404, "path.command", "fly"),
+        ("/equipment/m1/setpoints/fly", {"id": "press-0001", "value": 1}, 404, "path.setpoint", "fly"),
+        ("/equipment/m1/setpoints/frequency_setpoint", {"id": "press-0001"}, 422, "body.value", "null"),
+        ("/equipment/m1/setpoints", {"id": "press-0001", "values": {"fly": 1}}, 404, "body.values", "fly"),
+        ("/alarms/acknowledge", {"occurrences": [1], "coment": "x"}, 422, "body.coment", "x"),
+        ("/alarms/acknowledge", {"occurrences": ["x"]}, 422, "body.occurrences.0", "x"),
+    ],
+)
+def test_what_is_wrong_with_an_order_is_named(
+    staff: Staff, path: str, body: Any, status: int, field: str, value: str
+) -> None:
+    answer = Program(staff, "view", "operate", "stop", "acknowledge").post(path, body)
+    assert answer.status_code == status, answer.text
+    fault = answer.json()["fields"][0]
+    assert (fault["field"], fault["value"]) == (field, value) and fault["expected"]
+
+
 def test_history_is_decimated_and_raw_pages_join_without_loss(staff: Staff) -> None:
     reader, exporter = Program(staff, "view"), Program(staff, "view", "export")
     begin = (now_of(staff) - timedelta(minutes=5)).isoformat()

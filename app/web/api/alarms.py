@@ -2,14 +2,14 @@
 
 from datetime import datetime
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from fastapi import APIRouter, Body, Request
-from pydantic import BaseModel, Field
+from fastapi import APIRouter, Request
+from pydantic import BaseModel, ConfigDict, Field
 
 from app.clock import to_datetime
 from app.web.alarm_view import Drawing
-from app.web.api.lookup import runtime_of
+from app.web.api.lookup import declared, runtime_of
 from app.web.guard import allow, person_of, shown_name
 from app.web.language import language_of
 
@@ -37,6 +37,15 @@ class AlarmOut(BaseModel):
     count: int
 
 
+class AckIn(BaseModel):
+    """What somebody has seen."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    occurrences: list[int] = Field(min_length=1, max_length=500)
+    comment: str = Field("", max_length=500)
+
+
 class AckOut(BaseModel):
     """What became of an acknowledgement."""
 
@@ -49,7 +58,7 @@ class AckOut(BaseModel):
     )
 
 
-@router.get("/alarms", dependencies=[allow("view")])
+@router.get("/alarms", dependencies=[allow("view"), declared])
 async def alarms(request: Request) -> list[AlarmOut]:
     """All alarms that are not normal, the most important first."""
     runtime = runtime_of(request)
@@ -57,14 +66,10 @@ async def alarms(request: Request) -> list[AlarmOut]:
     return [_alarm(request, view, one) for one in runtime.alarms.list.active()]
 
 
-@router.post("/alarms/acknowledge", dependencies=[allow("acknowledge")])
-async def acknowledge(
-    request: Request,
-    occurrences: Annotated[list[int], Body(embed=True, min_length=1, max_length=500)],
-    comment: Annotated[str, Body(embed=True, max_length=500)] = "",
-) -> list[AckOut]:
+@router.post("/alarms/acknowledge", dependencies=[allow("acknowledge"), declared])
+async def acknowledge(request: Request, seen: AckIn) -> list[AckOut]:
     """Acknowledge these occurrences."""
-    answers = await runtime_of(request).alarms.acknowledge(occurrences, person_of(request), comment)
+    answers = await runtime_of(request).alarms.acknowledge(seen.occurrences, person_of(request), seen.comment)
     return [
         AckOut(
             occurrence=one.occurrence,

@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated, Any
 
-from fastapi import APIRouter, HTTPException, Request
+from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -14,7 +14,8 @@ from app.commands.value_set import MOST
 from app.errors import Refused
 from app.plant.definitions import Equipment
 from app.plant.type_files.arguments import MOST_ARGUMENTS
-from app.web.api.lookup import gate_of, item_of, runtime_of
+from app.web.api.lookup import declared, gate_of, item_of, one_of, runtime_of
+from app.web.errors import Wrong
 from app.web.guard import address_of, allow, person_of, shown_name
 from app.web.language import language_of
 
@@ -102,13 +103,13 @@ class ReasonOut(BaseModel):
     text: str
 
 
-@router.post("/nonce", dependencies=[allow("operate")])
+@router.post("/nonce", dependencies=[allow("operate"), declared])
 async def nonce(request: Request) -> NonceOut:
     """A nonce for the next command of this token or session."""
     return NonceOut(nonce=gate_of(request).nonces.issue(person_of(request).session))
 
 
-@router.post("/equipment/{key}/control/{action}", dependencies=[allow("operate")], status_code=204)
+@router.post("/equipment/{key}/control/{action}", dependencies=[allow("operate"), declared], status_code=204)
 async def control(request: Request, key: str, action: str) -> Response:
     """`take`, `request`, `refuse`, `give` or `release` the control of a machine."""
     token, item, person = gate_of(request).control, item_of(request, key), person_of(request)
@@ -119,18 +120,15 @@ async def control(request: Request, key: str, action: str) -> Response:
         "give": token.give,
         "release": token.release,
     }
-    if action not in actions:
-        raise HTTPException(404)
-    actions[action](person, item.id)
+    actions[one_of("path.action", action, actions)](person, item.id)
     return Response(status_code=204)
 
 
-@router.get("/equipment/{key}/commands/{command}/reasons", dependencies=[allow("view")])
+@router.get("/equipment/{key}/commands/{command}/reasons", dependencies=[allow("view"), declared])
 async def reasons(request: Request, key: str, command: str) -> list[ReasonOut]:
     """Why this command is not possible now, the first missing one first; empty when it is."""
     item = item_of(request, key)
-    if command not in item.type.commands and command not in item.type.setpoints:
-        raise HTTPException(404)
+    one_of("path.command", command, [*item.type.commands, *item.type.setpoints])
     runtime, lang = runtime_of(request), language_of(request)
     return [
         ReasonOut(
@@ -151,39 +149,39 @@ async def stop(request: Request, key: str, order: CommandIn) -> CommandOut:
     item = item_of(request, key)
     command = next((name for name, one in item.type.commands.items() if one.stop), None)
     if command is None:
-        raise HTTPException(404)
+        raise Wrong("path.key", key, "a machine with a stop", 404)
     return await _ask(request, item, command, order)
 
 
-@router.post("/equipment/{key}/commands/{command}", dependencies=[allow("operate")], status_code=202)
+@router.post("/equipment/{key}/commands/{command}", dependencies=[allow("operate"), declared], status_code=202)
 async def command(request: Request, key: str, command: str, order: CommandIn) -> CommandOut:
     """Ask for a command; the answer says accepted, GET the command to see it confirmed."""
     item = item_of(request, key)
-    if command not in item.type.commands:
-        raise HTTPException(404)
+    one_of("path.command", command, item.type.commands)
     return await _ask(request, item, command, order)
 
 
-@router.post("/equipment/{key}/setpoints/{setpoint}", dependencies=[allow("operate")], status_code=202)
+@router.post("/equipment/{key}/setpoints/{setpoint}", dependencies=[allow("operate"), declared], status_code=202)
 async def setpoint(request: Request, key: str, setpoint: str, order: CommandIn) -> CommandOut:
     """Write a setpoint or parameter; confirmed is what was read back."""
     item = item_of(request, key)
-    if setpoint not in item.type.setpoints:
-        raise HTTPException(404)
-    if order.value is None or order.arguments:
-        raise HTTPException(422)
+    one_of("path.setpoint", setpoint, item.type.setpoints)
+    if order.value is None:
+        raise Wrong("body.value", order.value, "a number")
+    if order.arguments:
+        raise Wrong("body.arguments", order.arguments, "none: a setpoint has one value")
     progress = await gate_of(request).set_value(
         person_of(request), item.id, setpoint, order.value, **_given(request, order)
     )
     return _progress(progress)
 
 
-@router.post("/equipment/{key}/setpoints", dependencies=[allow("operate")])
+@router.post("/equipment/{key}/setpoints", dependencies=[allow("operate"), declared])
 async def setpoints(request: Request, key: str, order: SetIn) -> CommandOut:
     """Write several setpoints and parameters as one: all, or none. Answered when it is over, with what the device holds of each."""
     item = item_of(request, key)
-    if not order.values.keys() <= item.type.setpoints.keys():
-        raise HTTPException(404)
+    for name in order.values:
+        one_of("body.values", name, item.type.setpoints)
     progress = await gate_of(request).set_values(
         person_of(request),
         item.id,
@@ -198,7 +196,7 @@ async def setpoints(request: Request, key: str, order: SetIn) -> CommandOut:
     return _progress(progress)
 
 
-@router.get("/equipment/{key}/commands", dependencies=[allow("view")])
+@router.get("/equipment/{key}/commands", dependencies=[allow("view"), declared])
 async def commands(request: Request, key: str) -> list[CommandOut]:
     """The last commands of a machine, the newest first."""
     item = item_of(request, key)

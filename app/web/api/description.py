@@ -48,7 +48,9 @@ class ErrorOut(BaseModel):
     text: str = Field("", description="in the language of the request")
     argument: str = Field("", description="which argument of a command is wrong")
     reference: str = Field("", description="under which the log of the server has an error of ours")
-    fields: list[dict[str, str]] = Field([], description="fields of the request that are wrong: field, expected")
+    fields: list[dict[str, str]] = Field(
+        [], description="parts of the request that are wrong: field (`query.limit`), value, expected"
+    )
 
 
 @router.get("/openapi.json", dependencies=[allow("configure")], include_in_schema=False)

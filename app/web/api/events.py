@@ -7,22 +7,19 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request
 from pydantic import BaseModel, Field
 from sqlalchemy import Connection
-from starlette.exceptions import HTTPException
 
-from app.clock import to_datetime, to_micros
+from app.clock import to_datetime
 from app.historian import event_search as search
 from app.historian import events as history
 from app.historian.event_gaps import MOST, Gap, Place, gaps
 from app.records.event import Event
 from app.records.snapshot import decode
-from app.web.event_list import in_order
+from app.web.api.lookup import Moment, declared, naming, open_range
 from app.web.events import EventWords, wanted_of
 from app.web.guard import allow, shown_name, shown_words
 from app.web.history import read, runtime_of
 
 router = APIRouter(prefix="/api/v1")
-
-FIELDS = frozenset({"equipment", "event", "from", "to", "q", "before", "limit"})
 
 
 class RingEventOut(BaseModel):
@@ -74,13 +71,13 @@ class EventsOut(BaseModel):
     next: str | None
 
 
-@router.get("/events", dependencies=[allow("view")])
+@router.get("/events", dependencies=[allow("view"), declared])
 async def events(
     request: Request,
     equipment: Annotated[str, Query(description="machine; empty: all", max_length=64)] = "",
     event: Annotated[str, Query(description="key or code of an event", max_length=80)] = "",
-    begin: Annotated[datetime | None, Query(alias="from", description="happened at or after")] = None,
-    end: Annotated[datetime | None, Query(alias="to", description="happened before")] = None,
+    begin: Annotated[Moment | None, Query(alias="from", description="happened at or after")] = None,
+    end: Annotated[Moment | None, Query(alias="to", description="happened before")] = None,
     text: Annotated[
         str, Query(alias="q", description="in the event's words, its person or reason", max_length=80)
     ] = "",
@@ -88,15 +85,10 @@ async def events(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> EventsOut:
     """What machines told with their event rings, newest first."""
-    given = request.query_params
-    if set(given) - FIELDS or len(given.multi_items()) != len(set(given)):
-        raise HTTPException(422)
-    if any(one and one.tzinfo is None for one in (begin, end)):
-        raise HTTPException(422)
-    since, until = (to_micros(one) if one else None for one in (begin, end))
-    in_order(request, (since, until), (given.get("from", ""), given.get("to", "")))
+    since, until = open_range(request, begin, end)
     typed = {"equipment": equipment, "event": event, "q": text.strip(), "before": before, "since": "", "until": ""}
-    wanted = replace(wanted_of(request, typed), begin=since, end=until)
+    with naming(request):
+        wanted = replace(wanted_of(request, typed), begin=since, end=until)
 
     def work(connection: Connection) -> tuple[list[Event], int, list[Gap]]:
         lost = history.lost(connection, equipment, since, until)

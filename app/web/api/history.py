@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated
 
-from fastapi import APIRouter, HTTPException, Query, Request
+from fastapi import APIRouter, Query, Request
 from pydantic import BaseModel, Field
 from sqlalchemy import Connection
 
@@ -11,8 +11,9 @@ from app.clock import to_datetime
 from app.historian import query
 from app.plant.definitions import Point
 from app.tags import quality as q
-from app.web.api.lookup import point_of, range_of, runtime_of
+from app.web.api.lookup import Moment, declared, point_of, range_of, runtime_of
 from app.web.api.plant import origins
+from app.web.errors import Wrong
 from app.web.guard import allow, check_points
 from app.web.history import read
 
@@ -58,21 +59,21 @@ class RawOut(BaseModel):
     next: datetime | None
 
 
-@router.get("/history", dependencies=[allow("view")])
+@router.get("/history", dependencies=[allow("view"), declared])
 async def history(
     request: Request,
     tags: Annotated[str, Query(description=f"comma separated, at most {MOST_SERIES}", max_length=2000)],
-    begin: Annotated[datetime, Query(alias="from")],
-    end: Annotated[datetime, Query(alias="to")],
+    begin: Annotated[Moment, Query(alias="from")],
+    end: Annotated[Moment, Query(alias="to")],
     width: Annotated[int, Query(ge=1, le=query.MAX_WIDTH, description="columns")] = 1000,
 ) -> list[SeriesOut]:
     """Series as a screen needs them: no spike is lost, whatever the width."""
     runtime = runtime_of(request)
-    points = [point_of(runtime, name.strip()) for name in tags.split(",") if name.strip()]
+    points = [point_of(runtime, name.strip(), "query.tags") for name in tags.split(",") if name.strip()]
     check_points(request, [point.name for point in points])
     if not 1 <= len(points) <= MOST_SERIES:
-        raise HTTPException(422)
-    first, last = range_of(begin, end)
+        raise Wrong("query.tags", tags, f"1 to {MOST_SERIES} tags, comma separated")
+    first, last = range_of(request, begin, end)
 
     def work(connection: Connection) -> list[SeriesOut]:
         return [_series(connection, point, first, last, width) for point in points]
@@ -80,19 +81,19 @@ async def history(
     return await read(runtime, work)
 
 
-@router.get("/history/{name}/raw", dependencies=[allow("export")])
+@router.get("/history/{name}/raw", dependencies=[allow("export"), declared])
 async def raw(
     request: Request,
     name: str,
-    begin: Annotated[datetime, Query(alias="from")],
-    end: Annotated[datetime, Query(alias="to")],
+    begin: Annotated[Moment, Query(alias="from")],
+    end: Annotated[Moment, Query(alias="to")],
     limit: Annotated[int, Query(ge=1, le=50_000)] = 10_000,
 ) -> RawOut:
     """Every stored sample, a page at a time."""
     runtime = runtime_of(request)
     point = point_of(runtime, name)
     check_points(request, [name])
-    first, last = range_of(begin, end)
+    first, last = range_of(request, begin, end)
 
     def work(connection: Connection) -> list[tuple[int, float | str | None, int]]:
         known = query.find(connection, point.id)

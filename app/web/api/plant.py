@@ -4,7 +4,7 @@ import asyncio
 from datetime import datetime
 from typing import TYPE_CHECKING, Annotated
 
-from fastapi import APIRouter, HTTPException, Query, Request
+from fastapi import APIRouter, Query, Request
 from pydantic import BaseModel, Field
 
 from app import __version__
@@ -12,7 +12,8 @@ from app.clock import to_datetime
 from app.errors import Refused
 from app.plant.definitions import Equipment, Point
 from app.tags import quality as q
-from app.web.api.lookup import item_of, point_of, runtime_of
+from app.web.api.lookup import declared, item_of, point_of, runtime_of
+from app.web.errors import Wrong
 from app.web.guard import allow, check_points, may_read
 from app.web.language import language_of
 
@@ -66,7 +67,7 @@ class PlantOut(BaseModel):
     equipment: list[EquipmentOut]
 
 
-@router.get("/plant", dependencies=[allow("view")])
+@router.get("/plant", dependencies=[allow("view"), declared])
 async def plant(request: Request) -> PlantOut:
     """The plant and its machines."""
     runtime = runtime_of(request)
@@ -83,13 +84,13 @@ async def plant(request: Request) -> PlantOut:
     )
 
 
-@router.get("/equipment/{key}", dependencies=[allow("view")])
+@router.get("/equipment/{key}", dependencies=[allow("view"), declared])
 async def equipment(request: Request, key: str) -> EquipmentOut:
     """One machine."""
     return _equipment(runtime_of(request), item_of(request, key))
 
 
-@router.get("/tags", dependencies=[allow("view")])
+@router.get("/tags", dependencies=[allow("view"), declared])
 async def tags(
     request: Request,
     names: Annotated[str, Query(description="comma separated; empty: all", max_length=20_000)] = "",
@@ -100,7 +101,7 @@ async def tags(
     """Tags as they stand, in order of their names."""
     runtime = runtime_of(request)
     if names.count(",") > MOST_TAGS:
-        raise HTTPException(422)
+        raise Wrong("query.names", names, f"at most {MOST_TAGS} names")
     wanted = [name.strip() for name in names.split(",") if name.strip()]
     check_points(request, wanted)
     known = (name for name in sorted(runtime.points) if name.startswith(prefix) and name > after)
@@ -109,13 +110,13 @@ async def tags(
         if number % AT_ONCE == 0:
             await asyncio.sleep(0)
         if wanted or (name in runtime.points and may_read(request, runtime.points[name])):
-            found.append(_tag(request, runtime, point_of(runtime, name)))
+            found.append(_tag(request, runtime, point_of(runtime, name, "query.names")))
         if len(found) == limit:
             break
     return found
 
 
-@router.get("/tags/{name}", dependencies=[allow("view")])
+@router.get("/tags/{name}", dependencies=[allow("view"), declared])
 async def tag(request: Request, name: str) -> TagOut:
     """One tag as it stands."""
     runtime = runtime_of(request)

@@ -10,9 +10,8 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import RedirectResponse, Response
 from pydantic import BaseModel, Field
 from sqlalchemy import Connection
-from starlette.exceptions import HTTPException
 
-from app.clock import to_datetime, to_micros
+from app.clock import to_datetime
 from app.historian import record_query as query
 from app.historian.record_export import keeping, kinds
 from app.historian.records import source_of
@@ -22,7 +21,7 @@ from app.plant.types import EQUIPMENT
 from app.records.event import Event
 from app.records.kind import RecordKind, Type
 from app.records.record import Record
-from app.web.event_list import in_order
+from app.web.api.lookup import Moment, declared, naming, one_of, only, open_range
 from app.web.guard import allow, shown_name, shown_words
 from app.web.history import read, runtime_of
 from app.web.record_words import RecordWords
@@ -35,6 +34,14 @@ router = APIRouter(prefix="/api/v1")
 
 OWN = frozenset({"equipment", "from", "to", "outcome", "before", "parts", "events", "limit"})
 """Parameters of every kind; beside them the filters of the kind."""
+FILTERS = {
+    "is": "a whole number",
+    "above": "a number; what is above it is found",
+    "any": "1; what has any is found",
+    "choice": "a key that the records have",
+    "alarm": "the code of an event, or any",
+}
+"""What the filters of a kind take, by how they compare."""
 YES, NO = ("1", "true", "on", "yes", "t", "y"), ("0", "false", "off", "no", "f", "n")
 """How a program says so."""
 
@@ -124,7 +131,7 @@ class RecordsOut(BaseModel):
     next: str | None
 
 
-@router.get("/records", dependencies=[allow("view")])
+@router.get("/records", dependencies=[allow("view"), declared])
 async def of_plant(request: Request) -> list[KindOut]:
     """The kinds of record that the machines of the plant have."""
     plant = runtime_of(request).plant
@@ -147,8 +154,8 @@ async def records(
     request: Request,
     kind: str,
     equipment: Annotated[str, Query(description="machine; empty: all", max_length=64)] = "",
-    begin: Annotated[datetime | None, Query(alias="from", description="begun at or after")] = None,
-    end: Annotated[datetime | None, Query(alias="to", description="begun before")] = None,
+    begin: Annotated[Moment | None, Query(alias="from", description="begun at or after")] = None,
+    end: Annotated[Moment | None, Query(alias="to", description="begun before")] = None,
     outcome: Annotated[str, Query(description="one that the kind has", max_length=40)] = "",
     before: Annotated[str, Query(description="`next` of the page before", pattern="^(|[0-9]{1,18}-[0-9]{1,18})$")] = "",
     parts: Annotated[bool, Query(description="with the parts of each")] = True,
@@ -156,17 +163,14 @@ async def records(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> RecordsOut:
     """What became of things on machines, newest first; the filters of a kind are further parameters."""
-    runtime, of = runtime_of(request), kind_of(request, kind)
-    given = request.query_params
-    if any(one and one.tzinfo is None for one in (begin, end)):
-        raise HTTPException(422)
-    since, until = (to_micros(one) if one else None for one in (begin, end))
-    in_order(request, (since, until), (given.get("from", ""), given.get("to", "")))
-    if set(given) - OWN - set(of.filters) or len(given.multi_items()) != len(set(given)):
-        raise HTTPException(422)
+    runtime, given = runtime_of(request), request.query_params
+    of = kind_of(request, one_of("path.kind", kind, kinds(runtime.plant)))
+    only(request, OWN | of.filters.keys())
+    since, until = open_range(request, begin, end)
     typed = {name: given.get(name, "") for name in of.filters}
     typed |= {"equipment": equipment, "outcome": outcome, "before": before, "since": "", "until": ""}
-    wanted = replace(wanted_of(request, of, typed), begin=since, end=until)
+    with naming(request, {name: FILTERS[one.how] for name, one in of.filters.items()}):
+        wanted = replace(wanted_of(request, of, typed), begin=since, end=until)
 
     def work(connection: Connection) -> tuple[list[RecordOut], str | None]:
         found = query.find(connection, of, wanted, limit + 1)
