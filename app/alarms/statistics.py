@@ -1,7 +1,8 @@
 """How well the alarms serve the person who answers them: the figures of ISA-18.2 / EEMUA 191, each with its limit and a verdict. Pure.
 
 Rates are those of annunciated alarms, per operator position. What was raised while it was shelved, suppressed or out of service counts
-in no rate and is told apart (`Figures.hidden`). Times are integer µs UTC, so a night of the clock change needs no care.
+in no rate and is told apart (`Figures.hidden`). Times are integer µs UTC, so a night of the clock change needs no care; where the clock was
+set back, nobody knows how long something took that spans it, and it counts as neither short nor long.
 
 Source of every definition and limit: reference/alarms.md section 3. The targets 1 alarm in 10 min, a flood of 10 in 10 min, at most 10 in
 any 10 min, 2 in a minute and the distribution 80/15/5 are those of EEMUA 191 as its summaries give them, 6/h follows from the first. The
@@ -84,7 +85,7 @@ class Delay:
     asked: int
     acknowledged: int
     median: float | None = None
-    """[s]; None: nobody acknowledged one."""
+    """[s]; None: nobody acknowledged one, or not by a clock that was not set back meanwhile."""
     ninth: float | None = None
     """Nine of ten were acknowledged within [s]."""
 
@@ -259,13 +260,15 @@ class _Story:
         """Time, alarm and priority of each annunciation."""
         self.chattering: Counter[str] = Counter()
         self.fleeting: Counter[str] = Counter()
-        self.waited: dict[int, list[float]] = {}
+        self.waited: dict[int, list[float | None]] = {}
+        """How long [s]; None: not known."""
         self._since = dict(standing)
         self._over: list[Run] = []
         self._waits: dict[int, Step] = {}
         self._raised: dict[str, deque[int]] = {}
+        """When it was, those of the last minute."""
         self._counted: dict[str, int] = {}
-        """When the newest raise was that is counted as chattering."""
+        """How many of these, the oldest, are counted as chattering."""
         self._fresh: dict[str, int] = {}
         """When it was raised, while nobody has acknowledged it."""
 
@@ -283,10 +286,11 @@ class _Story:
         elif step.event == Entry.ACK:
             self._fresh.pop(step.alarm, None)
             if asked := self._waits.pop(step.occurrence, None):
-                self.waited.setdefault(asked.priority, []).append(max(0, step.time - asked.time) / SECOND)
+                waited = step.time - asked.time
+                self.waited.setdefault(asked.priority, []).append(waited / SECOND if waited >= 0 else None)
         elif step.event == Entry.RTN:
             raised = self._fresh.pop(step.alarm, None)
-            self.fleeting.update([step.alarm] if raised is not None and step.time - raised < FLEETING else [])
+            self.fleeting.update([step.alarm] if raised is not None and 0 <= step.time - raised < FLEETING else [])
 
     def runs_until(self, end: int) -> list[Run]:
         """Every time in which an alarm was annunciated without a break."""
@@ -295,13 +299,15 @@ class _Story:
     def _raise(self, step: Step) -> None:
         self._fresh[step.alarm] = step.time
         recent = self._raised.setdefault(step.alarm, deque())
+        counted = self._counted.get(step.alarm, 0)
         recent.append(step.time)
-        while step.time - recent[0] > CHATTER_WINDOW * SECOND:
+        while not 0 <= step.time - recent[0] <= CHATTER_WINDOW * SECOND:
             recent.popleft()
+            counted = max(0, counted - 1)
         if len(recent) >= CHATTERS:
-            counted = self._counted.get(step.alarm, -1)
-            self.chattering[step.alarm] += sum(time > counted for time in recent)
-            self._counted[step.alarm] = step.time
+            self.chattering[step.alarm] += len(recent) - counted
+            counted = len(recent)
+        self._counted[step.alarm] = counted
 
 
 def _buckets(times: Iterable[int], begin: int, end: int) -> list[int]:
@@ -333,8 +339,9 @@ def _most_at_once(runs: Iterable[Run], begin: int) -> int:
     return most
 
 
-def _delay(asked: int, waited: Sequence[float]) -> Delay:
-    if not waited:
-        return Delay(asked, 0)
-    ninth = quantiles(waited, n=10, method="inclusive")[-1] if len(waited) > 1 else waited[0]
-    return Delay(asked, len(waited), median(waited), ninth)
+def _delay(asked: int, waited: Sequence[float | None]) -> Delay:
+    known = [one for one in waited if one is not None]
+    if not known:
+        return Delay(asked, len(waited))
+    ninth = quantiles(known, n=10, method="inclusive")[-1] if len(known) > 1 else known[0]
+    return Delay(asked, len(waited), median(known), ninth)

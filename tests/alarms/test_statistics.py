@@ -165,3 +165,20 @@ def test_buckets_hold_every_alarm_and_the_last_may_be_short() -> None:
 def test_no_time_and_nobody_are_refused(end: int, positions: int) -> None:
     with pytest.raises(ValueError, match="statistics take a time"):
         figures([], {}, BEGIN, end, positions)
+
+
+def test_a_clock_that_is_set_back_makes_no_alarm_chatter_nor_fleeting() -> None:
+    """Raised at 2:00, the clock goes back by an hour, then twice within 50 min; what chatters after it still does."""
+    steps = [raised(7200), then(3605, "RTN", "D"), raised(4800), raised(6600)]
+    assert day(*steps).chattering == {} and day(*steps).fleeting == {}
+    bursts = [raised(at) for at in (7200, 7210, 7220, 3700, 3710, 3720)]
+    assert day(*bursts).chattering == {"m1.hot": 6}
+
+
+def test_an_acknowledgement_after_a_clock_was_set_back_was_not_at_once() -> None:
+    steps = [raised(7200, priority=1), then(3660, "ACK", "C")]
+    found = day(*steps).delays[1]
+    assert (found.asked, found.acknowledged, found.median) == (1, 1, None)
+    steps += [raised(3700, "m1.b", 2, 1), then(3740, "ACK", "C", "m1.b", 2)]
+    found = day(*steps).delays[1]
+    assert (found.asked, found.acknowledged, found.median) == (2, 2, 40.0)
