@@ -62,7 +62,7 @@ def _cut(begin: int, end: int, spans: Iterator[tuple[int, int]]) -> Iterator[tup
     for start, stop in spans:
         if start >= end:
             return
-        if stop > begin:
+        if stop > max(start, begin):
             yield max(start, begin), min(stop, end)
 
 

@@ -24,6 +24,17 @@ NIGHTS = [
 ]
 
 
+def test_a_day_that_a_zone_left_out_has_no_row() -> None:
+    """Samoa went from 29 to 31 December 2011."""
+    apia = ZoneInfo("Pacific/Apia")
+    begin, end = (to_micros(datetime(2011, 12, day, tzinfo=apia)) for day in (28, 31))
+    end += 24 * HOUR
+    for seconds in (86_400, 21_600, 3600):
+        spans = list(intervals(begin, end, seconds, apia))
+        assert all(first < last for first, last in spans) and sum(lengths(spans)) == 72
+    assert all(first < last for first, last in shifts(begin, end, THREE, apia))
+
+
 def day_of(zone: str, day: datetime) -> tuple[int, int]:
     """The local day."""
     begin = to_micros(day.replace(tzinfo=ZoneInfo(zone)))
