@@ -29,8 +29,6 @@ NEARLY = 0.75
 BITS = {Type.U16: 16, Type.I16: 15, Type.U32: 32, Type.I32: 31, Type.U64: 64, Type.I64: 63}
 Span = tuple[int, int]
 """Begin and end [µs UTC]."""
-Step = tuple[float, float, float]
-"""First, greatest and last value of a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,13 +116,12 @@ def counted(
     before = _held(connection, number, begin)
     whole, last, total = before is not None, before, 0.0
     fell, ran_over = False, False
-    for first, high, latest in _steps(connection, number, begin, end):
-        for value in (first, latest) if latest >= first else (first, high, latest):
-            if last is not None and value < last:
-                fell, ran_over, total = True, ran_over or last >= NEARLY * room, total + value
-            elif last is not None:
-                total += value - last
-            last = value
+    for value in _steps(connection, number, begin, end):
+        if last is not None and value < last:
+            fell, ran_over, total = True, ran_over or last >= NEARLY * room, total + value
+        elif last is not None:
+            total += value - last
+        last = value
     if last is None:
         return Amount(None, False)
     if not whole:  # it may have been seen from the first minute on
@@ -151,24 +148,26 @@ def _held(connection: Connection, number: int, time: int) -> float | None:
     return found[1]
 
 
-def _steps(connection: Connection, number: int, begin: int, end: int) -> Iterator[Step]:
-    """What a point was, minute by minute where those are written, else sample by sample."""
+def _steps(connection: Connection, number: int, begin: int, end: int) -> Iterator[float]:
+    """What a counter was: of a minute that is written and in which it only rose the ends, else sample by sample."""
     mark = MARK(connection, name="minute").scalar() or 0
     inner, outer = -(-begin // MINUTE) * MINUTE, min(end, mark) // MINUTE * MINUTE
     if inner >= outer:
         inner = outer = end
     yield from _of_samples(connection, number, begin, inner)
-    for first, low, high, last in MINUTES(connection, number=number, begin=inner, end=outer):
-        if high is not None:  # else the whole minute was bad
-            yield (low if first is None else first), high, (high if last is None else last)
+    for time, first, low, high, last in MINUTES(connection, number=number, begin=inner, end=outer).all():
+        if low and (first, last) == (low, high):  # where it was 0, it may have begun again and come further than before
+            yield from (first, last)
+        elif high is not None:  # it began again, or an end of it was bad: which value came when, the samples say
+            yield from _of_samples(connection, number, time, time + MINUTE)
     yield from _of_samples(connection, number, outer, end)
 
 
-def _of_samples(connection: Connection, number: int, begin: int, end: int) -> Iterator[Step]:
+def _of_samples(connection: Connection, number: int, begin: int, end: int) -> Iterator[float]:
     if begin < end:
         for _, value, quality in query.page(connection, number, begin - 1, end, -1):
             if isinstance(value, int | float) and quality & 3 < 2:
-                yield value, value, value
+                yield value
 
 
 def _missing(connection: Connection, number: int, begin: int, end: int, good: int) -> list[Span]:
@@ -192,7 +191,7 @@ def _off(connection: Connection, begin: int, end: int) -> list[Span]:
 
 
 MINUTES = Statement(
-    select(minute.c.first, minute.c.low, minute.c.high, minute.c.last)
+    select(minute.c.t, minute.c.first, minute.c.low, minute.c.high, minute.c.last)
     .where(minute.c.point == bindparam("number"), minute.c.t >= bindparam("begin"), minute.c.t < bindparam("end"))
     .order_by(minute.c.t)
 )

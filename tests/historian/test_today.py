@@ -1,5 +1,6 @@
 """What a machine did in a day: what was seen counts, what was not is said."""
 
+import random
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -178,6 +179,28 @@ def test_a_counter_that_may_have_run_over_is_the_least_that_it_can_be(
         if rolled:
             roll_up_all(connection, now)
         assert read_day(connection, [item], BEGIN, now).amounts["m1"]["made"] == Amount(4, whole=whole)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_counter_is_counted_alike_from_minutes_and_from_samples(seed: int) -> None:
+    """Also where it begins again twice in a minute, or a minute begins or ends badly: as adding every step up gives."""
+    chance = random.Random(seed)
+    rows: list[Row] = [(2, BEGIN - MINUTE, 5.0, None, GOOD)]
+    value, counted_up, time, now = 5.0, 0.0, BEGIN, BEGIN + 3 * HOUR
+    while (time := time + chance.choice((1, 5, 20, 45)) * SECOND) < now:
+        if chance.random() < 0.2:
+            rows.append((2, time, None, None, COMM_FAILURE))
+            continue
+        new = 0.0 if chance.random() < 0.1 else value + chance.choice((0, 1, 7))
+        counted_up += new - value if new >= value else new
+        value = new
+        rows.append((2, time, value, None, GOOD))
+    with fresh() as connection:
+        stored(connection, rows, now)
+        young = counted(connection, 2, BEGIN, now, goes_on=True)
+        roll_up_all(connection, now)
+        assert counted(connection, 2, BEGIN, now, goes_on=True) == young
+    assert young.value == counted_up
 
 
 def test_a_counter_that_began_again_while_nobody_looked_is_the_least_that_it_can_be() -> None:
