@@ -17,7 +17,7 @@ from app.errors import Refused
 
 LONGEST_NOTE = 300
 MOST_NOTES = 200
-"""In one answer: the newest of the range."""
+"""On a page: the newest of the range."""
 
 note_table = Table(
     "trend_note",
@@ -62,11 +62,13 @@ class Notes:
         self._audit = audit
         self._clock = clock
 
-    async def find(self, machines: Collection[str], begin: int, end: int) -> Sequence[Note]:
-        """Those about `machines`, or about all, with begin <= time < end, in order; of more than 200 the newest."""
+    async def find(
+        self, machines: Collection[str], begin: int, end: int, most: int | None = MOST_NOTES
+    ) -> Sequence[Note]:
+        """Those about `machines`, or about all, with begin <= time < end, in order; of more than `most` the newest, None: all."""
         about = note_table.c.machine.in_(["", *machines])
         asked = select(note_table).where(about, note_table.c.time >= begin, note_table.c.time < end)
-        newest = asked.order_by(note_table.c.time.desc(), note_table.c.id.desc()).limit(MOST_NOTES)
+        newest = asked.order_by(note_table.c.time.desc(), note_table.c.id.desc()).limit(most)
         rows = await self._db.read(lambda connection: connection.execute(newest).all())
         return [Note(*row) for row in reversed(rows)]
 

@@ -95,7 +95,7 @@ async def remove(request: Request, number: int) -> Response:
 async def lines_for_export(request: Request, tags: Sequence[str], begin: int, end: int) -> list[Note]:
     """The notes that belong to an export of `tags`; none when they cannot be read."""
     with suppress(StorageError):
-        return list(await _notes(request).find({tag.partition(".")[0] for tag in tags}, begin, end))
+        return list(await _notes(request).find({tag.partition(".")[0] for tag in tags}, begin, end, most=None))
     return []
 
 

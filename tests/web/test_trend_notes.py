@@ -9,6 +9,7 @@ from urllib.parse import urlencode
 
 import pytest
 from fastapi.testclient import TestClient
+from sqlalchemy import insert
 
 from app.access.audit.search import Filter
 from app.historian import store
@@ -169,6 +170,19 @@ def test_a_nul_that_was_typed_is_in_no_page(staff: Staff) -> None:
     assert "needs 1 to 300 characters" in told(answer) and 'value="a\ufffdb"' in answer.text
     assert "\x00" not in staff.post("/trends/views", {"name": "a\x00b", "view": RANGE}, **HX).text
     assert "\x00" not in staff.post("/signin", {"name": "a\x00b", "password": "x", "next": "/"}).text
+
+
+def test_an_export_has_every_note_of_its_time(staff: Staff) -> None:
+    """A list on a page has the newest 200 of them."""
+    runtime = staff.client.app.state.runtime  # type: ignore[attr-defined]
+    at, row = BEGIN + 7_200_000_000, {"machine": "m1", "person": 1, "author": "many", "created": BEGIN}
+    rows = [{"time": at + number, "text": f"note {number}.", **row} for number in range(201)]
+    staff.wait(runtime.db.write, lambda connection: connection.execute(insert(note_table), rows) and None)
+    query = urlencode({"tags": "m1.speed", "from": at, "to": at + 3_600_000_000, "locale": "en"})
+    text = staff.client.get(f"/history/export.csv?{query}").text
+    assert [re.findall(r"note (\d+)\.", line)[0] for line in text.splitlines() if "many" in line] == [
+        str(number) for number in range(201)
+    ]
 
 
 def test_an_export_has_the_notes_of_its_time_before_the_values(staff: Staff) -> None:
