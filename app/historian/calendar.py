@@ -58,6 +58,12 @@ def number(begin: int, begins: Sequence[int], zone: ZoneInfo) -> int:
     return begins.index(said[place]) + 1
 
 
+def days_before(time: int, days: int, zone: ZoneInfo) -> int:
+    """When the clock on the wall said the same so many days before `time`, or, where it skipped that, jumped over it [µs UTC]."""
+    local = to_datetime(time).astimezone(zone).replace(tzinfo=None, fold=0)
+    return utc(local - timedelta(days=days), zone)
+
+
 def _cut(begin: int, end: int, spans: Iterator[tuple[int, int]]) -> Iterator[tuple[int, int]]:
     for start, stop in spans:
         if start >= end:

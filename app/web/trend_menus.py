@@ -11,6 +11,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
 from app.errors import Refused
+from app.historian.calendar import days_before
 from app.web import format as fmt
 from app.web.guard import allow
 from app.web.language import language_of
@@ -21,8 +22,8 @@ from app.web.trend_address import LONGEST, names_of, on_screen, seen, typed_form
 router = APIRouter(prefix="/trends")
 
 DAY = 86_400_000_000
-UNDER = {"none": 0, "span": 0, "24h": DAY, "7d": 7 * DAY}
-"""How much earlier the other period may begin [µs]; `span` is as much as is seen."""
+DAYS = {"24h": 1, "7d": 7}
+"""How many days earlier the other period may begin, by the clock on the wall."""
 SUMS_OF = 1_000_000_000
 """An export of sums has at least 1 s and at most about a thousand lines: this many times less than what is seen [µs of the range per s]."""
 
@@ -52,7 +53,8 @@ async def compare(request: Request) -> Response:
     begin, end = _seen(request)
     wanted = view_asked(on_screen(query), runtime.clock.micros(), zone)
     now_under = round((wanted["under"] or 0) * 1_000_000)
-    lengths = UNDER | {"span": end - begin}
+    lengths = {"none": 0, "span": end - begin}
+    lengths |= {name: begin - days_before(begin, days, zone) for name, days in DAYS.items()}
     rulers = sorted({at for at in (wanted["a"], wanted["b"]) if at is not None})
     typed, wrong = query.get("begin"), False
     if query.get("under") in lengths:

@@ -382,6 +382,30 @@ def test_another_period_is_chosen_by_length_by_rulers_or_by_its_beginning(client
         assert "must begin earlier than this one" in chosen(client, "/trends/compare", view, begin=typed)
 
 
+@pytest.mark.parametrize(
+    ("begin", "name", "hours"),
+    [
+        ("2026-03-29T10:00:00+02:00", "24h", 23),
+        ("2026-03-29T10:00:00+02:00", "7d", 167),
+        ("2026-03-29T01:00:00+01:00", "24h", 24),
+        ("2026-10-25T10:00:00+01:00", "24h", 25),
+        ("2026-10-26T10:00:00+01:00", "24h", 24),
+        ("2026-10-31T10:00:00+01:00", "7d", 169),
+        ("2026-03-30T02:30:00+02:00", "24h", 23.5),
+    ],
+)
+def test_a_day_and_a_week_earlier_are_the_same_time_on_the_wall_also_over_a_clock_change(
+    client: TestClient, begin: str, name: str, hours: float
+) -> None:
+    """Where the clock left that time out, it is when it jumped."""
+    first = round(datetime.fromisoformat(begin).timestamp() * 1e6)
+    view = f"tags=m1.speed&from={first}&to={first + 3_600_000_000}"
+    earlier = chosen(client, "/trends/compare", view, under=name)["under"]
+    assert earlier == hours * 3_600_000_000
+    menu = chosen(client, "/trends/compare", f"{view}&under={earlier // 1_000_000}s")
+    assert re.findall(r'data-under="(\w+)" aria-pressed="true"', menu) == [name]
+
+
 def test_a_pen_is_taken_out_of_the_view_that_one_has_or_put_into_it(client: TestClient) -> None:
     view = "tags=m1.speed,m1.current&span=8h&off=m1.current&axis=fit"
 
