@@ -13,11 +13,10 @@ from app.access.audit.line import Record
 from app.access.audit.search import Filter
 from app.access.roles import PERMISSIONS, ROLES, Person
 from app.access.roles import SYSTEM as NOBODY
-from app.clock import to_datetime, to_micros
+from app.clock import to_datetime
 from app.commands import parameter_change, value_set
 from app.commands.open_sets import values_of
 from app.errors import Refused
-from app.historian.calendar import utc
 from app.plant.system import SYSTEM
 from app.web import audit_words, language, page_names, typed_time
 from app.web import format as fmt
@@ -145,9 +144,7 @@ def _filter(request: Request, person: Person) -> tuple[Filter, dict[str, str]]:
 
 
 def read_time(request: Request, text: str, field: str) -> int | None:
-    """What a field for a time says (typed_time.py), in the plant's zone; a time that names its own offset keeps it. Of one that the clock
-    shows twice in autumn the first is meant, in the field `until` the second; of one that it skips in spring the moment at which it jumps:
-    so nothing between is left out.
+    """What a field for a time says (typed_time.py), in the plant's zone; `until` is an end.
 
     Raises:
         Refused: 422, it is none, or cannot be written in UTC and in the plant's zone.
@@ -156,15 +153,7 @@ def read_time(request: Request, text: str, field: str) -> int | None:
         return None
     zone = zone_of(request)
     try:
-        typed = typed_time.read(text, end=field == "until")
-        if typed.tzinfo is not None:
-            found = to_micros(typed)
-        elif field == "until" and fmt.repeated(local := typed.replace(tzinfo=zone)):
-            found = to_micros(local.replace(fold=1))
-        else:
-            found = utc(typed, zone)
-        to_datetime(found).astimezone(zone)
-        return found
+        return typed_time.micros(text, zone, end=field == "until")
     except (ValueError, OverflowError) as error:
         view = view_of(request)
         now = to_datetime(view.runtime(request).clock.micros()).astimezone(zone)

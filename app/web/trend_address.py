@@ -8,7 +8,7 @@ from zoneinfo import ZoneInfo
 
 from starlette.datastructures import QueryParams
 
-from app.clock import to_datetime, to_micros
+from app.clock import to_datetime
 from app.errors import ConfigurationError, Refused
 from app.historian.export import moment
 from app.historian.saved_views import LONGEST_VIEW
@@ -144,15 +144,14 @@ def moment_asked(text: str, zone: ZoneInfo, now: int) -> int:
         raise Refused("trend.error.time", 422, value=text[:40]) from error
 
 
-def typed_micros(text: str, zone: ZoneInfo) -> int:
-    """What a field for a time says, in the plant's zone when it names no offset [µs UTC].
+def typed_micros(text: str, zone: ZoneInfo, *, end: bool = False) -> int:
+    """What a field for a time, or for the end of one, says, in the plant's zone when it names no offset (typed_time.py) [µs UTC].
 
     Raises:
         Refused: 422, it says no time, or one without room before it for another period.
     """
     try:
-        typed = typed_time.read(text)
-        return _with_room(to_micros(typed if typed.tzinfo else typed.replace(tzinfo=zone)), zone)
+        return _with_room(typed_time.micros(text, zone, end=end), zone)
     except (ValueError, OverflowError) as error:
         raise Refused("trend.error.time", 422, value=text[:40]) from error
 

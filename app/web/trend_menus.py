@@ -38,7 +38,7 @@ async def own_range(request: Request) -> Response:
         written = {"from": typed_form(begin, zone), "to": typed_form(end, zone)}
         return view_of(request).fragment(request, "fragments/trend_range.html", typed=written, wrong=False)
     try:
-        begin, end = (typed_micros(text or "", zone_of(request)) for text in typed.values())
+        begin, end = (typed_micros(text or "", zone_of(request), end=key == "to") for key, text in typed.items())
     except Refused:
         begin = end = 0
     if begin >= end:

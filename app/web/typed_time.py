@@ -6,8 +6,11 @@ All of our languages write the day first, so what is typed in one is read in eac
 
 import re
 from datetime import datetime, timedelta
+from zoneinfo import ZoneInfo
 
-from app.web.format import DECIMAL_POINT
+from app.clock import to_datetime, to_micros
+from app.historian.calendar import utc
+from app.web.format import DECIMAL_POINT, repeated
 
 PATTERN = r"\s*(\d{1,2}[.\/\-] ?\d{1,2}[.\/\-] ?\d{4}\.?([ ,]+\d{1,2}[:.]\d{2}([:.]\d{2})?)?|\d{4}-\d\d-\d\d.*)?\s*"
 """What a browser lets through, as the attribute of a field."""
@@ -29,6 +32,24 @@ def read(text: str, *, end: bool = False) -> datetime:
     day, month, year, hour, minute, second = (int(part or 0) for part in found.groups())
     moment = datetime(year, month, day, hour, minute, second)
     return moment + timedelta(days=1) if end and found[4] is None else moment
+
+
+def micros(text: str, zone: ZoneInfo, *, end: bool = False) -> int:
+    """What `text` says, in `zone` unless it names an offset [µs UTC]. Of a time that the clock shows twice in autumn the first is meant, of
+    an `end` the second; of one that it skips in spring the moment at which it jumps: so nothing between is left out.
+
+    Raises:
+        ValueError, OverflowError: it says no time, or none that can be written in UTC and in `zone`.
+    """
+    typed = read(text, end=end)
+    if typed.tzinfo is not None:
+        found = to_micros(typed)
+    elif end and repeated(local := typed.replace(tzinfo=zone)):
+        found = to_micros(local.replace(fold=1))
+    else:
+        found = utc(typed, zone)
+    to_datetime(found).astimezone(zone)
+    return found
 
 
 def shown(text: str, lang: str) -> str:

@@ -326,6 +326,24 @@ def test_a_range_is_typed_on_the_clock_of_the_plant(client: TestClient) -> None:
         assert "The end must come after the beginning" in wrong and f'value="{begin}"'[:18] in wrong.replace("/", ".")
 
 
+@pytest.mark.parametrize(
+    ("begin", "end", "begins", "ends"),
+    [
+        ("25.10.2026 02:00", "25.10.2026 02:30", "2026-10-25T00:00Z", "2026-10-25T01:30Z"),
+        ("29.03.2026 02:15", "29.03.2026 02:45", "2026-03-29T01:00Z", "2026-03-29T01:00Z"),
+        ("29.03.2026 01:00", "29.03.2026 02:45", "2026-03-29T00:00Z", "2026-03-29T01:00Z"),
+        ("29.03.2026", "29.03.2026", "2026-03-28T23:00Z", "2026-03-29T22:00Z"),
+    ],
+)
+def test_a_range_that_is_typed_leaves_out_nothing_between_as_in_the_lists(
+    client: TestClient, begin: str, end: str, begins: str, ends: str
+) -> None:
+    """Of a time that comes twice the end is the second; of one that is skipped both are the jump; a day alone is the whole of it."""
+    found = chosen(client, "/trends/range", "tags=m1.speed", **{"from": begin, "to": end})
+    first, last = (to_micros(datetime.fromisoformat(one)) for one in (begins, ends))
+    assert found == {"from": first, "to": last} if first < last else "The end must come after" in found
+
+
 def test_a_range_in_the_hour_that_comes_twice_is_typed_back_as_it_was(client: TestClient) -> None:
     for begin, end in (("2026-10-25T00:10Z", "2026-10-25T00:40Z"), ("2026-10-25T00:30Z", "2026-10-25T01:20Z")):
         form = chosen(client, "/trends/range", f"tags=m1.speed&from={begin}&to={end}")
