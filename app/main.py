@@ -158,7 +158,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
     guard.install(app)
     app.add_middleware(guard.Gatekeeper)
     app.add_middleware(
-        GZipMiddleware, minimum_size=1024, compresslevel=4, thread_minimum_size=2**19, exclude_content_types=UNPACKED
+        GZipMiddleware, minimum_size=1024, compresslevel=4, thread_minimum_size=2**17, exclude_content_types=UNPACKED
     )
     app.add_middleware(partial(Shield, hosts=settings.hosts, broken=errors.internal))
     if settings.behind_proxy:

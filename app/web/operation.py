@@ -3,26 +3,23 @@
 The gate (app/commands) decides; here its answers become words in the person's language.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 from urllib.parse import quote
-from zoneinfo import ZoneInfo
 
 from starlette.requests import HTTPConnection
 
 from app.commands import interlocks
 from app.commands.encoder_adjustment import adjustable
-from app.commands.gate import Gate
 from app.commands.lifecycle import Progress, ProgressState
 from app.links.plc import PlcUnit
-from app.plant.definitions import Condition, Equipment
-from app.plant.expression import Reading
-from app.tags.quality import NO_DATA
+from app.plant.definitions import Equipment
 from app.web import format as fmt
 from app.web.command_words import CommandWords, Story
-from app.web.points import CommandView, EquipmentView, PointView
+from app.web.needs import ConditionLine, Needs
+from app.web.points import CommandView, PointView
 
 if TYPE_CHECKING:
     from app.access.roles import Person
@@ -93,40 +90,21 @@ class Holding:
     """`text` where nothing beside says what it is about; empty = `text` says it."""
 
 
-@dataclass(frozen=True, slots=True)
-class ConditionLine:
-    """A permissive or an interlock in words."""
-
-    label: str
-    met: bool | None
-    """None = not known, which counts as not met."""
-    since: str
-    first: bool
-
-
-class Operation:
+class Operation(Needs):
     """Everything about operating one machine that a template draws, for one person in one language."""
 
     def __init__(self, request: HTTPConnection, item: Equipment) -> None:
         view: View = request.app.state.view
         self._request = request
-        self.equipment: EquipmentView = view.machine(request, item)
+        super().__init__(view.machine(request, item))
         self.person: Person | None = getattr(request.state, "person", None)
         self.csrf: str = getattr(request.state, "csrf", "")
         self.runtime = view.runtime(request)
-        self.gate: Gate | None = getattr(self.runtime, "gate", None)
-        plant = self.runtime.plant
-        self.zone = ZoneInfo(plant.timezone) if plant else ZoneInfo("UTC")
         self.words = CommandWords(self.equipment, self.zone, signed_in=self.person is not None)
 
     def fresh(self) -> "Operation":
         """The same, drawn anew."""
         return Operation(self._request, self.equipment.equipment)
-
-    @property
-    def id(self) -> str:
-        """The machine."""
-        return self.equipment.id
 
     def named(self, text: str) -> str:
         """What the message line says of the machine: a page may show several, or another one than is in its head."""
@@ -275,13 +253,6 @@ class Operation:
         return Holding("other" if may else "guest", held, action, "", left, mine, text("why.held", display=held))
 
     @cached_property
-    def permissives(self) -> list[ConditionLine]:
-        """What must be true to start, missing ones first."""
-        return self._lines(
-            line for line in self._permissives if not self._only_for_hold(line[0]) and not line[0].situational
-        )
-
-    @cached_property
     def situation(self) -> list[ConditionLine]:
         """What single commands need of what the machine is doing; not to be met is normal, so each is named by what it asks for."""
         shown = {
@@ -300,59 +271,9 @@ class Operation:
         return self._lines((line for line in self._permissives if self._only_for_hold(line[0])), normal=True)
 
     @property
-    def _permissives(self) -> Sequence[tuple[Condition, bool | None, int]]:
-        return self.gate.permissives(self.id) if self.gate else ()
-
-    def _only_for_hold(self, condition: Condition) -> bool:
-        commands = self.equipment.equipment.type.commands
-        return bool(condition.commands) and all(key in commands and commands[key].hold for key in condition.commands)
-
-    @cached_property
-    def interlocks(self) -> list[ConditionLine]:
-        """What must be true at any time, missing ones first."""
-        return self._lines(self.gate.interlocks(self.id)) if self.gate else []
-
-    @cached_property
-    def lacking(self) -> str:
-        """The first thing that is missing for what one does next, in words; empty while nothing is.
-
-        What is known to be missing goes before what is not known; in both what must hold at any time before what one needs to start.
-        """
-        lines = [*self.interlocks, *self.permissives]
-        known = next((line.label for line in lines if line.met is False), "")
-        unknown = next((line.label for line in lines if line.met is None), "")
-        return known or (f"{unknown}: {self.equipment.text('operate.unknown')}" if unknown else "")
-
-    @property
     def met(self) -> int:
         """How many permissives are met."""
         return sum(line.met is True for line in self.permissives)
-
-    def _lines(
-        self, conditions: Iterable[tuple[Condition, bool | None, int]], *, normal: bool = False
-    ) -> list[ConditionLine]:
-        found = sorted(conditions, key=lambda line: line[1] is True)
-        return [
-            ConditionLine(
-                self.equipment.t(condition.label) if normal else self._named(condition, met),
-                met,
-                self.words.time(since),
-                met is not True and number == 0,
-            )
-            for number, (condition, met, since) in enumerate(found)
-        ]
-
-    def _named(self, condition: Condition, met: bool | None) -> str:
-        """A condition that holds by what holds, a missing one by what is wrong."""
-        if met is not False or not condition.missing:
-            return self.equipment.t(condition.label)
-        return self.words.told(condition.missing, interlocks.amounts(condition.values, self.look))
-
-    def look(self, key: str) -> Reading:
-        """Value and quality of a point of the machine, for an expression over its points."""
-        tags = self.runtime.tags
-        handle = tags.handles.get(f"{self.id}.{key}")
-        return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
 
     @property
     def doubts(self) -> list[str]:
@@ -383,8 +304,3 @@ class Operation:
 def revision_tag(equipment: str) -> str:
     """Name of the tag that counts changes of what commands of a machine look like."""
     return f"sys.commands.{equipment}"
-
-
-def operations(request: HTTPConnection) -> Callable[[EquipmentView], Operation]:
-    """What templates ask for the operation of a machine, as whoever asks for the page sees it."""
-    return lambda machine: Operation(request, machine.equipment)

@@ -11,7 +11,6 @@ from app.plant.definitions import Equipment, Plant
 from app.plant.picture import MOST_MACHINES, Picture, arrange
 from app.web.guard import allow
 from app.web.language import language_of
-from app.web.operation import operations
 from app.web.pages import plant_of, view_of
 from app.web.today import PATIENCE, drawn, told
 from app.web.view import area_label, areas
@@ -69,7 +68,6 @@ async def _page(request: Request, members: list[Equipment], area: str, title: st
         kind="overview",
         area=area,
         machines=[view.machine(request, item) for item in members],
-        operation_of=operations(request),
         plant_picture=flow_of(plant, area, members),
         tells_today=bool(told(members)),
         today=await drawn(request, members, PATIENCE),

@@ -295,6 +295,11 @@ class EquipmentView:
             self._drawn[key] = self._draw(self.equipment.points[key])
         return self._drawn[key]
 
+    @property
+    def drawn(self) -> list[PointView]:
+        """The points that were asked for."""
+        return list(self._drawn.values())
+
     def points(self, keys: Sequence[str]) -> list[PointView]:
         """Those of `keys` that the machine has."""
         return [self.point(key) for key in keys if key in self.equipment.points]

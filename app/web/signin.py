@@ -32,7 +32,6 @@ from app.web.guard import (
     session_cookie,
     session_id,
 )
-from app.web.operation import operations
 from app.web.view import THEME_COOKIE, View
 
 router = APIRouter()
@@ -268,7 +267,6 @@ def _over_the_plant(
         template,
         status=refused.status if refused else 200,
         title=view.text(request, title_key),
-        operation_of=operations(request),
         kind="overview" if visible else "frame",
         machines=machines,
         plant_picture=None,

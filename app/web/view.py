@@ -34,7 +34,7 @@ from app.plant.texts import Texts
 from app.running.page_tags import force_names
 from app.tags.quality import is_bad
 from app.web import format as fmt
-from app.web import typed_time
+from app.web import tiles, typed_time
 from app.web.alarm_view import Drawing, marks_json
 from app.web.assets import Assets
 from app.web.compiled import FOLDER, OPTIONS, KeptCode
@@ -210,6 +210,8 @@ def _named(source: nodes.Template) -> list[str]:
                 )
             elif isinstance(choice, nodes.Const):
                 found.append(choice.value)
+    if any(isinstance(one.node, nodes.Name) and one.node.name == "tile" for one in source.find_all(nodes.Call)):
+        found += tiles.TEMPLATES
     return list(dict.fromkeys(found))
 
 
@@ -331,6 +333,7 @@ class View:
             "Scale": Scale,
             "marks_json": marks_json,
             "plain_screen": PlainScreen,
+            **tiles.Tiles(environment).functions,
             **template_names(),
         }
         self._environments[lang] = (texts, environment)
