@@ -42,6 +42,15 @@ async def today(request: Request, area: str = "") -> HTMLResponse:
     return view_of(request).fragment(request, "fragments/today.html", today=await drawn(request, members))
 
 
+@router.get("/why", dependencies=[allow("view")])
+async def why(request: Request, area: str = "") -> HTMLResponse:
+    """Why machines do not go on, all machines or those of `area`, each line for its tile: the page asks for all of them again at once."""
+    plant, view = plant_of(request), view_of(request)
+    members = _members(plant, area) if area else list(plant.equipment.values())
+    machines = [view.machine(request, item) for item in members]
+    return view.fragment(request, "fragments/tile_whys.html", machines=machines)
+
+
 def picture_of(plant: Plant, machines: Sequence[Equipment]) -> Picture | None:
     """`machines` in their flow, each sequence before the machine that it moves; None for one machine, or too many."""
     if not 1 < len(machines) <= MOST_MACHINES:

@@ -22,8 +22,18 @@ from app.web.points import EquipmentView
 
 FRESH = 0.3
 """So long a number on a tile is good for the next who looks [s]; less than the time in which the socket of a page brings it anew."""
-TEMPLATES = ("screens/*/tile.html", "fragments/tile.html", "fragments/plant_picture.html")
+REASON_FRESH = 1.0
+"""So long the line that says why a machine does not go on is good for the next whose page asks for it again [s]."""
+TEMPLATES = (
+    "screens/*/tile.html",
+    "fragments/tile.html",
+    "fragments/plant_picture.html",
+    "screens/*/part_why.html",
+    "fragments/part_why.html",
+)
 """Where they are drawn."""
+FUNCTIONS = ("tile", "plant_picture_of", "why_of")
+"""What pages call for them."""
 
 Marks = Mapping[str, Sequence[str | int]]
 """Of the alarms of machines: priority and state; one without alarms has none."""
@@ -52,7 +62,7 @@ class Tiles:
     @property
     def functions(self) -> dict[str, Callable[..., Markup]]:
         """What pages call."""
-        return {"tile": self.tile, "plant_picture_of": self.picture}
+        return dict(zip(FUNCTIONS, (self.tile, self.picture, self.why), strict=True))
 
     def tile(self, equipment: EquipmentView, marks: Marks) -> Markup:
         """The tile of `equipment` as it is now, or was a moment ago."""
@@ -68,14 +78,27 @@ class Tiles:
             key, ["fragments/plant_picture.html"], [*own.values()], marks, picture=picture, machines_of=own
         )
 
+    def why(self, equipment: EquipmentView) -> Markup:
+        """Why a machine does not go on, as its tile says it, likewise."""
+        templates = [f"screens/{equipment.type}/part_why.html", "fragments/part_why.html"]
+        own = _alone(equipment)
+        key = f"why {equipment.id}"
+        return self._draw(key, templates, [own], {}, REASON_FRESH, equipment=own, operation=Needs(own))
+
     def _draw(
-        self, key: str, templates: list[str], machines: list[EquipmentView], marks: Marks, **context: Any
+        self,
+        key: str,
+        templates: list[str],
+        machines: list[EquipmentView],
+        marks: Marks,
+        fresh: float = FRESH,
+        **context: Any,
     ) -> Markup:
         """A piece of `machines`, of which each is asked for nothing yet."""
         tags, now = machines[0].runtime.tags, machines[0].runtime.clock.monotonic()
         own = {one.id: marks[one.id] for one in machines if one.id in marks}
         kept = self._kept.get(key)
-        if kept is not None and now - kept.drawn < FRESH and _same(kept, tags, own):
+        if kept is not None and now - kept.drawn < fresh and _same(kept, tags, own):
             return kept.markup
         markup = Markup(self._environment.select_template(templates).render(marks=own, **context))
         states = [

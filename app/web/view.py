@@ -210,7 +210,9 @@ def _named(source: nodes.Template) -> list[str]:
                 )
             elif isinstance(choice, nodes.Const):
                 found.append(choice.value)
-    if any(isinstance(one.node, nodes.Name) and one.node.name == "tile" for one in source.find_all(nodes.Call)):
+    if any(
+        isinstance(one.node, nodes.Name) and one.node.name in tiles.FUNCTIONS for one in source.find_all(nodes.Call)
+    ):
         found += tiles.TEMPLATES
     return list(dict.fromkeys(found))
 

@@ -281,3 +281,16 @@ def test_a_plant_that_cannot_start_shows_each_mistake_whole(page: Page, tmp_path
             expect(row).to_contain_text("eura_e900")
             table = page.locator(".problems")
             assert table.evaluate("box => box.clientHeight >= box.firstElementChild.offsetHeight"), (width, height)
+
+
+def test_the_overview_asks_once_for_the_reasons_of_all_its_tiles(page: Page, server: PogonServer) -> None:
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url.removeprefix(server.url)))
+    page.goto(server.url)
+    lines = page.locator("[id^=why-]")
+    assert lines.count() > 1
+    page.wait_for_timeout(1500)  # the socket has brought what there is, and it is what the page was made with
+    assert not [one for one in asked if one.endswith("/part/why")]
+    lines.evaluate_all("lines => lines.forEach(line => { line.textContent = 'of old'; })")
+    expect(lines.filter(has_text="of old")).to_have_count(0, timeout=8000)
+    assert "/why" in asked

@@ -216,3 +216,35 @@ def test_who_may_not_view_gets_no_tile_that_another_has_just_drawn(client: TestC
         page = client.get("/signin").text
         assert client.get("/").status_code in (303, 401)
     assert 'class="panel ov' not in page and 'data-tag="m1.' not in page and "data-mark-of" not in page
+
+
+def test_the_lines_of_all_tiles_are_asked_for_at_once_and_are_those_of_the_tiles(client: TestClient) -> None:
+    for address, area in (("/", ""), ("/area/drives", "?area=drives")):
+        page = client.get(address).text
+        asked = re.findall(r'hx-get="([^"]*)" hx-trigger="[^"]*every 5s', page)
+        assert asked == [f"/why{area}"]
+        lines = dict(
+            re.findall(r'<p id="why-(\w+)" hx-swap-oob="innerHTML">(.*?)</p>', client.get(asked[0]).text, re.S)
+        )
+        places = re.findall(r'id="why-(\w+)"[^>]*hx-trigger="signal">', page)
+        assert len(places) > 1 and set(lines) == set(places) and page.count('id="why-') == len(places)
+        for machine, line in lines.items():
+            assert line.strip() == client.get(f"/equipment/{machine}/part/why").text.strip()
+
+
+def test_a_tile_is_not_asked_for_again_because_a_page_begins_to_follow(client: TestClient) -> None:
+    """The script dispatches `signal` when the value is another one than the page was made with (static/js/values.js)."""
+    runtime = runtime_of(client)
+    made = re.findall(r'data-tag="([^"]*)"\s+data-signal="([^"]*)"\s+hx-get="/equipment/', client.get("/").text)
+    assert len(made) == len(runtime.plant.equipment)  # type: ignore[union-attr]
+    for tag, value in made:
+        assert value == f"{runtime.tags.value(runtime.tags.handle(tag)):g}", tag
+
+
+def test_thirty_pages_that_ask_for_their_lines_cost_little_more_than_one(client: TestClient) -> None:
+    work_of(client, "/why")
+    client.pass_time(2)  # type: ignore[attr-defined]
+    first = work_of(client, "/why")
+    others = sorted(work_of(client, "/why") for _ in range(29))
+    single = sum(work_of(client, f"/equipment/{id}/part/why") for id in runtime_of(client).plant.equipment)  # type: ignore[union-attr]
+    assert others[15] * 2 < first and others[15] * 6 < single, (first, others[15], single)
