@@ -137,7 +137,7 @@ class ControlToken:
         now = self._clock.monotonic()
         if tenure.request and tenure.request.session != person.session:
             raise Refused("why.requested", 423, display=tenure.request.display)
-        if now - self._refusals.get((equipment, person.session), float("-inf")) < PAUSE:
+        if now - self._refusals.get((equipment, str(person.id)), float("-inf")) < PAUSE:
             raise Refused("why.take_over_refused", 423, display=tenure.holder.display)
         if tenure.request is None:
             tenure.request = TakeOver(
@@ -156,7 +156,7 @@ class ControlToken:
         tenure = self._own(person, equipment)
         if tenure is None or tenure.request is None:
             raise Refused("why.no_request", 409)
-        self._refusals[equipment, tenure.request.session] = self._clock.monotonic()
+        self._refusals[equipment, tenure.request.person] = self._clock.monotonic()
         self._journal(person, equipment, "refused", tenure.request.display)
         tenure.request = tenure.asker = None
         tenure.sign = self._clock.monotonic()

@@ -78,6 +78,22 @@ def test_the_holder_may_refuse_or_hand_over_at_once() -> None:
     assert desk.holder == "Ivo"
 
 
+def test_who_was_refused_does_not_ask_again_from_another_browser() -> None:
+    desk = Desk()
+    desk.token.take(ANA, "m1")
+    desk.token.request(IVO, "m1")
+    desk.token.refuse(ANA, "m1")
+    desk.token.session_ended(IVO.session)
+    again = person("ivo", session="anew")
+    assert again.id == IVO.id
+    desk.pass_time(29)
+    assert refused(desk.token.request, again, "m1") == ("why.take_over_refused", 423)
+    assert desk.token.request(person("eva"), "m1") is not None
+    desk.token.refuse(ANA, "m1")
+    desk.pass_time(1)
+    assert desk.token.request(again, "m1") is not None
+
+
 def test_a_request_for_a_free_machine_takes_it_and_a_released_one_goes_to_who_asks() -> None:
     desk = Desk()
     assert desk.token.request(ANA, "m1") is None
