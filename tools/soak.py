@@ -106,7 +106,11 @@ class Crew:
         url = self.url.replace("http", "ws") + "/live"
         cookie = "; ".join(f"{name}={text}" for name, text in self.client.cookies.items())
         async with websockets.connect(
-            url, origin=Origin(self.url), additional_headers={"Cookie": cookie}, compression=None
+            url,
+            origin=Origin(self.url),
+            additional_headers={"Cookie": cookie},
+            user_agent_header=self.client.headers["user-agent"],  # of another browser the session counts for nothing
+            compression=None,
         ) as socket:
             await socket.send(orjson.dumps({"subscribe": kind, "rev": 0}).decode())
             with contextlib.suppress(TimeoutError):
