@@ -49,6 +49,7 @@ PAGES = {
     "/users": "access.users",
     "/users/review": "access.review",
     "/welcome": "welcome.title",
+    "/why": "nav.overview",
 }
 """Begin of an address, `*` for any one part → the text that names its page."""
 
