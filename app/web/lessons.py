@@ -276,7 +276,7 @@ async def _drawn(request: Request, lesson: Lesson) -> dict[str, Any]:
         "machine": (on.id, view.machine(request, on).label) if on else None,
         "controls": bool(on and gate and gate.control.holds(person, on.id)),
         "simulated_here": bool(on and says_simulated(runtime.links[on.link], on)),
-        "gone": await _gone(request, lesson, course),
+        "fault_gone": await _gone(request, lesson, course),
         "finished": moment(request, course.finished) if course and course.finished else "",
         "took": _minutes(request, course),
     }

@@ -304,7 +304,12 @@ class View:
         if frame:
             values |= self._surroundings(request, lang, context)
             for around in self.around:
-                values |= around(request, lang)
+                told = around(request, lang)
+                if taken := told.keys() & context.keys():
+                    raise TypeError(
+                        f"{template}: {', '.join(sorted(taken))}, expected names that the frame does not have"
+                    )
+                values |= told
             if over := getattr(
                 request.state, "over", ""
             ):  # others ended the session: that goes before what became of the last command

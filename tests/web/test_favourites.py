@@ -44,6 +44,22 @@ def test_a_star_puts_a_page_into_the_menu_and_first_into_the_search_and_takes_it
     zoe.post("/favourites", at="/trends", on="")
 
 
+def test_who_has_one_opens_every_page_that_a_frame_has(staff: Staff) -> None:
+    """What a page is drawn with has other names than what its frame is drawn with; a lesson's had one of the menu's."""
+    leo = Operator(staff, "leo", ("admin", "engineer", "operator"))
+    leo.post("/favourites", at="/trends", on="1")
+    first = leo.get("/", fragment=False).text
+    pages = {url for url in re.findall(r'href="(/[^"#?]*)"', first) if not url.startswith("/static/")}
+    pages |= {url for page in pages for url in re.findall(r'href="(/[^"#?]*)"', leo.get(page, fragment=False).text)}
+    pages = {url for url in pages if not url.startswith(("/static/", "/api/v1/"))}
+    assert {"/lessons/motor", "/account", "/equipment/m2", "/instructor"} <= pages
+    for url in sorted(pages):
+        answer = leo.get(url, fragment=False)
+        assert answer.status_code in (200, 303, 404), url
+        whole = answer.status_code == 200 and answer.text.startswith("<!doctype html>")
+        assert not whole or in_menu(answer.text) == ["/trends"], url
+
+
 def test_it_is_ones_own_and_names_the_page_in_ones_language(staff: Staff) -> None:
     Operator(staff, "ana", ("operator",)).post("/favourites", at="/alarms", on="1")
     iva = Operator(staff, "iva", ("operator",), "hr")
