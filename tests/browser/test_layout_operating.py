@@ -36,6 +36,8 @@ def test_nothing_is_cut_for_who_operates_a_machine(abnormal: Page, lang: str) ->
             lay_out(page, width, height, profile)
             found += [f"{lang} {machine} {size}: {one}" for one in wrong(page, size)]
             found += [f"{lang} {machine} {size}: no Stop in sight" for _ in range(not page.evaluate(STOP, height))]
+        lay_out(page, 1024, 768, "desk")
+        found += [f"{lang} {machine} ten inches: {one}" for one in (*page.evaluate(CUT), *page.evaluate(FAULTS))]
         lay_out(page, *SIZES["panel"])
         let_go(page)
     assert found == [], "\n".join(["", *found])
