@@ -32,7 +32,7 @@ TEMPLATES = (
     "fragments/part_why.html",
 )
 """Where they are drawn."""
-FUNCTIONS = ("tile", "plant_picture_of", "why_of")
+FUNCTIONS = ("tile_of", "plant_picture_of", "why_of")
 """What pages call for them."""
 
 Marks = Mapping[str, Sequence[str | int]]
