@@ -73,7 +73,7 @@ class Tiles:
     def picture(self, picture: Picture, machines: Sequence[EquipmentView], marks: Marks) -> Markup:
         """Machines at their places in the flow, likewise."""
         own = {one.id: _alone(one) for one in machines if one.id in picture.cells}
-        key = " ".join(picture.cells)
+        key = f"picture {' '.join(picture.cells)}"
         return self._draw(
             key, ["fragments/plant_picture.html"], [*own.values()], marks, picture=picture, machines_of=own
         )
