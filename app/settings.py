@@ -49,6 +49,12 @@ class Settings(BaseSettings):
     allowed_hosts: str = Field(
         "", description="Host names that browsers may use, comma separated; empty: loopback names and POGON_HOST."
     )
+    published_port: int = Field(
+        0,
+        ge=0,
+        le=65535,
+        description="Port at which others reach it where that is not its own, as in a container; 0: its own.",
+    )
     serve_modbus: str = Field("", description="HOST:PORT on which the simulated plant also answers Modbus TCP.")
     modbus_beyond: bool = Field(
         False,

@@ -117,6 +117,7 @@ def test_the_container_takes_tls_files_and_then_believes_no_proxy() -> None:
     settings = Settings(**{name: filled(value) for name, value in given.items()})
     assert settings.tls_cert == Path(inside) / "cert.pem" and settings.tls_key == Path(inside) / "key.pem"
     assert settings.behind_proxy == "" and settings.host == "0.0.0.0"
+    assert [filled(one) for one in composed(TLS)["ports"]] == [f"0.0.0.0:{settings.published_port}:8000"]
     drop_in = (ROOT / "packaging" / "pogon-tls.conf").read_text("utf-8")
     loaded = dict(re.findall(r"^LoadCredential=(\S+):(\S+)$", drop_in, re.MULTILINE))
     named = dict(re.findall(r"(POGON_\w+)=%d/(\S+)", drop_in))

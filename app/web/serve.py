@@ -183,7 +183,7 @@ def announcement(app: FastAPI, settings: Settings, port: int) -> str:
     lines = [f"Pogon is at {address} (Ctrl+C ends it)"]
     if settings.host in ("0.0.0.0", "::") and not settings.behind_proxy:  # a proxy has a port of its own
         names = sorted(settings.hosts - {"localhost", "127.0.0.1", "::1", "[::1]"})
-        lines += [f"Others reach it at {scheme}://{name}:{port}/" for name in names]
+        lines += [f"Others reach it at {scheme}://{name}:{settings.published_port or port}/" for name in names]
     runtime = getattr(app.state, "runtime", None)
     modbus = runtime.modbus.address if runtime else None
     if modbus:
