@@ -63,6 +63,7 @@ from app.web import (
 from app.web.api import description
 from app.web.assets import Assets
 from app.web.guard import check_declared
+from app.web.heads import Heads
 from app.web.proxy import Proxied
 from app.web.security import Shield
 from app.web.view import View
@@ -160,6 +161,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
     app.add_middleware(
         GZipMiddleware, minimum_size=1024, compresslevel=4, thread_minimum_size=2**17, exclude_content_types=UNPACKED
     )
+    app.add_middleware(Heads)
     app.add_middleware(partial(Shield, hosts=settings.hosts, broken=errors.internal))
     if settings.behind_proxy:
         app.add_middleware(partial(Proxied, proxies=settings.behind_proxy))

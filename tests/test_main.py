@@ -48,7 +48,7 @@ def test_pages_about_the_interface_are_our_own(made: FastAPI) -> None:
     assert made.docs_url is made.redoc_url is made.openapi_url is None
 
 
-@pytest.mark.parametrize(("behind", "layers"), [("", 3), ("172.30.80.1", 4)])
+@pytest.mark.parametrize(("behind", "layers"), [("", 4), ("172.30.80.1", 5)])
 def test_addresses_of_a_proxy_are_believed_only_where_there_is_one(tmp_path: Path, behind: str, layers: int) -> None:
     made = create_app(Settings(data=tmp_path / "data", behind_proxy=behind))  # type: ignore[arg-type]
     classes = [layer.cls for layer in made.user_middleware]

@@ -153,3 +153,20 @@ def test_only_the_named_proxy_is_believed(start: Start, proxy: str, believed: bo
 def test_a_query_of_very_many_fields_is_not_taken_apart(client: TestClient, query: str) -> None:
     assert client.get(f"/healthz?{query}").status_code == 400
     assert client.get("/healthz?" + "a=1&" * 400).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/", "/healthz", "/api/v1/plant", "/users", "/nowhere", "/explode", "/static/css/frame.css", "/static/none.css"],
+)
+def test_head_is_answered_as_get_without_its_body(broken: TestClient, path: str) -> None:
+    whole, head = broken.get(path, follow_redirects=False), broken.head(path, follow_redirects=False)
+    assert (head.status_code, head.content) == (whole.status_code, b"")
+    passing = {"content-length", "set-cookie", "etag", "last-modified", "allow"}
+    assert set(head.headers) - passing == set(whole.headers) - passing
+    assert head.headers.get("content-type") == whole.headers.get("content-type")
+
+
+@pytest.mark.parametrize("path", ["/alarms.csv", "/audit.csv", "/history/export.csv", "/events/export.csv"])
+def test_an_export_is_not_read_whole_for_its_head(broken: TestClient, path: str) -> None:
+    assert broken.head(path).status_code == 405
