@@ -296,6 +296,8 @@ class View:
     def _render(self, request: Request, template: str, status: int, context: dict[str, Any], *, frame: bool) -> "Drawn":
         lang = language_of(request)
         environment = self._environment(self._texts(request), lang)
+        if taken := environment.globals.keys() & context.keys():
+            raise TypeError(f"{template}: {', '.join(sorted(taken))}, expected names that no template has anyway")
         values: dict[str, Any] = {
             "status": status,
             "csrf": getattr(request.state, "csrf", ""),
@@ -331,7 +333,7 @@ class View:
             "lang": lang,
             "asset": self.assets.url,
             "screen_assets": self.assets.of_screen,
-            "label": partial(texts.label, lang),
+            "label_of": partial(texts.label, lang),
             "in_words": partial(in_words, partial(texts.text, lang), language=lang),
             "type_text": lambda kind, name, **params: texts.of_type(lang, kind, name, **params),
             "fmt": fmt,

@@ -4,12 +4,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fastapi import FastAPI, Request, Response
 from jinja2 import Environment, FileSystemLoader, nodes
 
 from app import bundled
 from app.plant.texts import Texts
 from app.web.assets import Assets
+from app.web.guard import allow
+from app.web.pages import view_of
 from app.web.view import Compiled, Drawn, View
+from tests.web.conftest import Start
 
 
 @pytest.fixture
@@ -73,3 +77,36 @@ async def test_what_a_page_names_is_compiled_before_it_is_drawn_and_parsed_once(
         assert await Drawn(view._environment(texts, lang), "a.html", {"n": 0}, 200).draw() == b"c0"
     assert sorted(compiled) == ["a.html", "b.html", "c.html"]
     assert len(parsed) == len(set(parsed)) == 3
+
+
+TEMPLATES = sorted(path.relative_to(bundled("templates")).as_posix() for path in bundled("templates").rglob("*.html"))
+
+
+def own_names(environment: Environment, template: str) -> set[str]:
+    """What a template gives a name to: by set, for, macro and its arguments, import."""
+    assert environment.loader
+    parsed = environment.parse(environment.loader.get_source(environment, template)[0])
+    imported = {
+        one if isinstance(one, str) else one[1] for taken in parsed.find_all(nodes.FromImport) for one in taken.names
+    }
+    given = {one.name for one in parsed.find_all(nodes.Name) if one.ctx in ("store", "param")}
+    return imported | given | {macro.name for macro in parsed.find_all(nodes.Macro)}
+
+
+def test_no_template_takes_a_name_that_all_of_them_have() -> None:
+    """A name given here hides that of the house in whatever is included or imported from here."""
+    environment = View(Assets(bundled("static")))._environment(Texts.read(), "en")
+    taken = {template: own_names(environment, template) & environment.globals.keys() for template in TEMPLATES}
+    assert len(taken) > 100 and not any(taken.values()), {one: names for one, names in taken.items() if names}
+
+
+def test_a_page_that_gives_a_name_which_all_templates_have_is_a_mistake_of_the_program(
+    start: Start, caplog: pytest.LogCaptureFixture
+) -> None:
+    def mistaken(app: FastAPI) -> None:
+        @app.get("/mistaken", dependencies=[allow("open")])
+        async def page(request: Request) -> Response:
+            return view_of(request).fragment(request, "fragments/help.html", label_of="mine")
+
+    assert start(extend=mistaken).get("/mistaken").status_code == 500
+    assert "fragments/help.html: label_of, expected names that no template has anyway" in caplog.text
