@@ -1,6 +1,7 @@
 """The first account is made on a page that shows all of it at once, and is made there."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -9,9 +10,10 @@ from tests.browser.station import LANGUAGES, PASSWORD, serving, small, speak
 from tests.conftest import PogonServer
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
-    with serving(small(tmp_path_factory.mktemp("first"), "m1"), people={}) as running:
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[PogonServer]:
+    """One for each test: once there is an account, the page is gone."""
+    with serving(small(tmp_path, "m1"), people={}) as running:
         yield running
 
 
