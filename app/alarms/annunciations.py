@@ -3,16 +3,17 @@
 from collections import deque
 from collections.abc import Iterable, Sequence
 
-from app.alarms import journal
 from app.clock import Clock
 
+DAY = 86_400.0
+"""How long a time is kept [s]."""
 FLOOD_WINDOW = 600.0
 FLOOD_BEGINS, FLOOD_ENDS = 10, 5
 """Annunciations within the window [s] that begin a flood, and below which it is over."""
 
 
 class Annunciations:
-    """Counts every annunciation and keeps the times of a day."""
+    """Counts every annunciation and keeps the times of a day, by the clock that nobody sets: a rate is one of time that went by."""
 
     def __init__(self, clock: Clock) -> None:
         self.count = 0
@@ -20,17 +21,23 @@ class Annunciations:
         self.flood = False
         """Whether more come than one person can attend to."""
         self._clock = clock
-        self._times: deque[int] = deque()
+        self._times: deque[float] = deque()
+        """Those of a day, monotonic [s]."""
         self._recent: deque[float] = deque()
+        """Those that count in a flood, monotonic [s]."""
 
     def restore(self, times: Iterable[int]) -> None:
-        """Take the times [µs UTC] that the journal knows: they count in the rates, not in `count` and not in a flood."""
-        self._times.extend(times)
+        """Take the times [µs UTC] that the journal knows: they count in the rates, not in `count` and not in a flood.
+
+        Those that are still to come are of a clock that was ahead: when they really were, nobody knows.
+        """
+        now, mine = self._clock.micros(), self._clock.monotonic()
+        self._times.extend(sorted(mine - (now - at) / 1e6 for at in times if at <= now))
 
     def add(self) -> None:
         """An alarm asks for attention."""
         self.count += 1
-        self._times.append(self._clock.micros())
+        self._times.append(self._clock.monotonic())
         self._recent.append(self._clock.monotonic())
         self.judge()
 
@@ -49,8 +56,8 @@ class Annunciations:
 
     @property
     def times(self) -> Sequence[int]:
-        """When they were in the last 24 hours [µs UTC], oldest first."""
-        since = self._clock.micros() - journal.DAY
-        while self._times and self._times[0] < since:
+        """When they were in the last 24 hours [µs UTC], oldest first, told by the clock as it is set now."""
+        now, mine = self._clock.micros(), self._clock.monotonic()
+        while self._times and mine - self._times[0] > DAY:
             self._times.popleft()
-        return tuple(self._times)
+        return tuple(now - round((mine - at) * 1e6) for at in self._times)
