@@ -44,11 +44,11 @@ class DeviceClock:
         took = round((ended - began) * 1e6)
         went_back = time + took + SCAN < self._time
         restarted = self.boots is not None and (boots != self.boots or went_back)
+        stands = halted or (time == self._time and since > SCAN)
         if restarted and self._offset is not None and self.boots is not None:
             # the first that the new start tells has the time at which the clock of the one before stood
-            stood = self._stood or halted
-            self._before, self._offset = (self._time - stood, self._offset, self.boots), None
-        self._stood = not restarted and (halted or (time == self._time and since > SCAN))
+            self._before, self._offset = (self._time - (self._stood or stands), self._offset, self.boots), None
+        self._stood = not restarted and stands
         self.boots, self._time = boots, time
         low, high = wall - took - time, wall - time
         if quality != TimeQuality.FREE:

@@ -82,6 +82,16 @@ def test_the_first_event_of_a_start_after_a_standstill_is_none_of_the_start_befo
     assert (clock.utc(999_000), clock.boot(999_000)) == (49_999_000, 1)
 
 
+def test_a_start_whose_clock_stands_where_the_one_before_was_seen_last_begins_with_its_own_event() -> None:
+    """Frozen right after that header and switched off and on before the next: nothing else ever says that it stood."""
+    clock = DeviceClock()
+    take(clock, header(1, 1_000_000), 50_000_000, 50_000_000)
+    take(clock, header(1, 1_040_000), 51_000_000, 51_000_000)
+    assert take(clock, header(2, 1_040_000), 51_700_000, 51_700_000)
+    assert (clock.utc(1_040_000), clock.boot(1_040_000)) == (51_700_000, 2)
+    assert (clock.utc(1_030_000), clock.boot(1_030_000)) == (50_990_000, 1)
+
+
 @pytest.mark.parametrize("time", [2**64 - 1, 2**63, 10**18])
 def test_a_time_that_no_calendar_has_is_none(time: int) -> None:
     """Of a device that keeps UTC itself, or says that it does: an event has the time then at which it was read."""
