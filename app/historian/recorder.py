@@ -8,7 +8,7 @@ from what was seen than the dead-band; held from sample to sample it is neither,
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from sqlalchemy import Connection
 
@@ -65,6 +65,8 @@ class Recorder:
         self._minutes = Minutes(GAP_AFTER)
         self.upkeep = Upkeep(database, clock, self._minutes, keep_days=keep_days, quota=quota)
         self._start = self._alive = clock.micros()
+        self._ended: list[tuple[int, int]] = []
+        """Where what this recorder says breaks off since it was stored last, by a clock that was set, and where it goes on [µs UTC]."""
         self._wanted: list[Point] = []
         self._opened = False
         self._begun = False
@@ -151,6 +153,8 @@ class Recorder:
         """Nobody saw anything from `still.begin` to `still.end`: no value holds in between."""
         if still.begin >= still.end:
             return
+        if still.end - still.begin > still.seconds * 1e6:  # the clock left time out
+            self._ended.append((still.begin, still.end))
         for handle, track in self._tracks.items():
             if track.quality < 0 or track.quality & 3 == BAD or track.time >= still.begin:
                 continue
@@ -216,17 +220,28 @@ class Recorder:
             await self.flush()
 
     async def _append(self, rows: list[Row], now: int) -> None:
-        if now < self._alive:  # the clock was set back: what this run says ends before what it said until now
-            self._start = now
-        start, id, self._alive = self._start, self._id, now
+        reached = max(self._alive, self._ended[-1][1] if self._ended else self._start)
+        if now < reached:  # the clock was set back
+            self._ended.append((reached, now))
+        start, id, self._alive, ended = self._start, self._id, now, list(self._ended)
 
-        def work(connection: Connection) -> None:
-            if self._database.id == id:  # else the numbers are of points of the database that was lost
-                store.append(connection, rows, start, now, self._minutes)
+        def work(connection: Connection) -> Sequence[int]:
+            if self._database.id != id:  # the numbers are of points of the database that was lost
+                return ()
+            begin = start
+            for end, goes_on in ended:
+                store.lived(connection, begin, end)
+                begin = goes_on
+            store.append(connection, rows, begin, now, self._minutes)
+            return store.ahead(connection, now) if any(goes_on < end for end, goes_on in ended) else ()
 
-        await self._database.write(work)
+        ahead = await self._database.write(work)
         if self._database.id != id:
             raise StorageError(f"{self._database.path.name}: exchanged meanwhile")
+        if ended:
+            self._start = ended[-1][1]
+            del self._ended[: len(ended)]
+        self._go_beyond(ahead)
 
     async def _begin_again(self) -> None:
         """The database is another one than before: go on in it with the points as they stand, and what waits."""
@@ -239,13 +254,14 @@ class Recorder:
 
         closed, numbers = await self._database.write(work)
         self._start, self._alive, self._id = start, start, id
+        self._ended.clear()
         for track in self._by_id.values():
             track.end(self._rows)
         moved = {track.number: numbers[id] for id, track in self._by_id.items() if id in numbers}
         self._rows = [(moved[row[0]], *row[1:]) for row in self._rows if row[0] in moved]
         for track in self._by_id.values():
             track.number, track.quality = moved.get(track.number, track.number), -1
-        self._go_beyond(closed)
+        self._go_beyond(closed.ahead)
         self._take_as_it_stands()
         log.info("history goes on in another file points=%d", len(moved))
 
@@ -260,13 +276,12 @@ class Recorder:
             start = self._start
             closed = await self._database.write(lambda connection: store.begin_run(connection, start))
             self._begun = True
-            self._go_beyond(closed)
+            self._go_beyond(closed.ahead)
 
-    def _go_beyond(self, closed: store.Closed) -> None:
-        """The run before may have ended later than this one began, by a clock that was ahead: what is so is told again behind its end."""
-        if closed.ahead >= self._start:
-            for track in self._by_id.values():
-                track.ahead = max(track.ahead, closed.ahead)
+    def _go_beyond(self, ends: Sequence[int]) -> None:
+        """Runs ended later than it is now, by clocks that were ahead: what is so is told again behind their `ends`."""
+        for track in self._by_id.values() if ends else ():
+            track.lived_until(*ends)
 
     async def _register(self, points: list[Point]) -> None:
         try:

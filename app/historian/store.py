@@ -95,8 +95,8 @@ class Closed:
 
     samples: int
     """Samples that close something."""
-    ahead: int
-    """When the latest of them says that nothing is known: if that is behind the start, this run tells there anew what is so [µs UTC]."""
+    ahead: tuple[int, ...]
+    """Where runs end that ended behind the start of this one, which tells there anew what is so [µs UTC]."""
 
 
 def begin_run(connection: Connection, start: int) -> Closed:
@@ -120,8 +120,19 @@ def begin_run(connection: Connection, start: int) -> Closed:
         ]
     if ended not in (0, before, alive):
         rows += [(number, ended + 1, None, None, NO_DATA) for number, _ in LEFT_OPEN(connection, until=ended + 1)]
+    ends = {row[1] for row in rows if row[1] >= start} | {*ahead(connection, start - 1)}
     append(connection, rows, start, start)
-    return Closed(len(rows), max((row[1] for row in rows), default=0))
+    return Closed(len(rows), tuple(sorted(ends)))
+
+
+def ahead(connection: Connection, now: int) -> list[int]:
+    """Where runs end that ended later than `now`, by clocks that were ahead [µs UTC]."""
+    return [end + 1 for end in ENDS(connection, now=now).scalars()]
+
+
+def lived(connection: Connection, start: int, alive: int) -> None:
+    """The recorder that began at `start` was alive at `alive` [µs UTC]."""
+    LIVED(connection, start=start, alive=alive)
 
 
 FOREVER = (1 << 63) - 1
@@ -135,6 +146,7 @@ _newest = (
 )
 ALIVE = Statement(select(func.max(run.c.alive)).where(run.c.alive < bindparam("until")))
 """The last sign of life before a time."""
+ENDS = Statement(select(run.c.alive).where(run.c.alive > bindparam("now")).order_by(run.c.alive))
 LAST_RUN = "run"
 """The mark that says since when the run runs that was alive last: after a clock that was set back it is not the latest one."""
 LATEST = Statement(
@@ -164,7 +176,7 @@ def append(connection: Connection, rows: Sequence[Row], start: int, alive: int, 
             if time is not None:
                 SET_BACK(connection, of=table, t=time // width * width, than=time)
         STORED(connection, t=alive // HOUR * HOUR, rows=len(rows), grown=0)
-    LIVED(connection, start=start, alive=alive)
+    lived(connection, start, alive)
     SET(connection, name=LAST_RUN, t=start)
 
 

@@ -36,8 +36,8 @@ class Track:
     """Whether one of them was outside the dead-band of the stored one: only a line tells it, and that is drawn for so long only."""
     least: float = -math.inf
     most: float = math.inf
-    ahead: int = 0
-    """Until then was told what was so before the clock was set back; 0 = the clock is behind it [µs]."""
+    ahead: tuple[int, ...] = ()
+    """Up to these times, the next one first, was told what was so before the clock was set back [µs]."""
 
     def take(self, time: int, value: Value, quality: int, seen: int, rows: list[Row]) -> None:
         """Add to `rows` what has to be stored now that the point is `value`.
@@ -74,21 +74,22 @@ class Track:
     def lose(self, time: int, rows: list[Row]) -> None:
         """Add that from `time` on nothing is known of the point, also behind what was told before a clock was set back."""
         self.end(rows)
-        told = max(self.ahead, self.time)
-        if told != time:
-            rows.append((self.number, time, None, None, NO_DATA))
-        if told >= time:
-            rows.append((self.number, told + 1, None, None, NO_DATA))
+        told = {*self.ahead, self.time}
+        ends = {one + 1 for one in told if one >= time} | ({time} - told)
+        rows += [(self.number, end, None, None, NO_DATA) for end in sorted(ends)]
+
+    def lived_until(self, *ends: int) -> None:
+        """Up to `ends` [µs] something is told that was so before the clock was set back: behind each of them it is told what is so then."""
+        self.ahead = tuple(sorted({*self.ahead, *(end for end in ends if end >= self.time)}))
 
     def _pass(self, time: int, rows: list[Row]) -> None:
         """Behind what was told before the clock was set back the point is what it is now, not what it was then."""
-        if not self.ahead or time <= self.ahead:
-            return
-        self.end(rows)
-        behind, self.ahead = self.ahead + 1, 0
-        if self.quality >= 0:
-            rows.append(self._row(behind, self.value, self.quality))
-            self._anchor(behind, self.value, self.quality)
+        while self.ahead and time > self.ahead[0]:
+            self.end(rows)
+            behind, self.ahead = self.ahead[0] + 1, self.ahead[1:]
+            if self.quality >= 0:
+                rows.append(self._row(behind, self.value, self.quality))
+                self._anchor(behind, self.value, self.quality)
 
     def _put(self, time: int, value: Value, quality: int, rows: list[Row]) -> None:
         if quality == self.quality and 0 < time - self.time < HEARTBEAT and self._suppressed(time, value, rows):
@@ -130,7 +131,7 @@ class Track:
 
     def _anchor(self, time: int, value: Value, quality: int) -> None:
         if time < self.time:
-            self.ahead = max(self.ahead, self.time)
+            self.lived_until(self.time)
         self.time, self.value, self.quality = time, value, quality
         self.held, self.held_time, self.strayed = None, 0, False
         self.least, self.most = -math.inf, math.inf

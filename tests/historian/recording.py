@@ -13,8 +13,10 @@ from tests.historian.conftest import Source
 QUOTA = 1 << 30
 
 
-async def recording(history: Database, *points: Point, **limits: Any) -> tuple[Source, Recorder]:
+async def recording(history: Database, *points: Point, later: float = 0.0, **limits: Any) -> tuple[Source, Recorder]:
+    """A recorder that begins so much later than others [s], with what it records."""
     source = Source(*points)
+    source.clock.step_wall(later)
     made = Recorder(source.tags, history, source.clock, keep_days=400, quota=QUOTA, **limits)
     await made.configure(points)
     return source, made

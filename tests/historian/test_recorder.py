@@ -24,7 +24,7 @@ from app.historian.recorder import Recorder
 from app.historian.store import HEARTBEAT, RAMP, Row
 from app.historian.track import Track
 from app.plant.definitions import Kind, Point
-from app.tags.database import Tag
+from app.tags.database import Standstill, Tag
 from app.tags.quality import COMM_FAILURE, GOOD, NO_DATA, STALE
 from tests.historian.conftest import Source, point
 from tests.historian.recording import QUOTA, recording, rows_of
@@ -293,6 +293,76 @@ async def test_what_does_not_change_is_known_behind_the_end_of_a_run_whose_clock
         later.clock.advance(seconds / 2 + 0.5)
         await again.flush()
     assert rows_of(history)[-2:] == [(ended + 1, None, NO_DATA), (ended + 2, 1.0, GOOD)]
+
+
+async def test_behind_every_time_that_was_lived_before_stands_what_is_so_then(history: Database) -> None:
+    """A clock that is set back twice ends two histories: behind each of them it goes on with what is so."""
+    source, made = await recording(history, point())
+    source.clock.advance(100)
+    source.publish(m1_speed=1.0)
+    first = source.clock.micros()
+    source.clock.step_wall(-60)
+    source.publish(m1_speed=2.0)
+    source.clock.advance(20)
+    source.publish(m1_speed=3.0)
+    second = source.clock.micros()
+    source.clock.step_wall(-10)
+    source.publish(m1_speed=4.0)
+    for _ in range(60):
+        source.clock.advance(1)
+        await made.flush()
+    assert rows_of(history)[-4:] == [
+        (second, 3.0, GOOD),
+        (second + 1, 4.0, GOOD),
+        (first, 1.0, GOOD),
+        (first + 1, 4.0, GOOD),
+    ]
+
+
+@pytest.mark.parametrize("lost", [False, True])
+async def test_what_does_not_change_is_known_behind_every_run_that_was_ahead(history: Database, lost: bool) -> None:
+    """Two runs end later than a third one begins, by clocks that were ahead; `lost`: at their ends nothing was known anyway."""
+    ends, quality = [], NO_DATA if lost else GOOD
+    for later, seconds in enumerate((300, 60)):
+        source, made = await recording(history, point(), later=later)
+        source.publish(m1_speed=1.0)
+        source.clock.advance(seconds)
+        source.publish(quality=quality, m1_speed=1.0)
+        await made.close()
+        ends.append(source.clock.micros())
+    source, made = await recording(history, point(), later=2)
+    source.publish(m1_speed=1.0)
+    for _ in range(302):
+        source.clock.advance(1)
+        await made.flush()
+        now = source.clock.micros()
+        *_, (_, _, stored) = (row for row in rows_of(history) if row[0] <= now)
+        assert stored == GOOD or now in ends, now
+
+
+@pytest.mark.parametrize("restarted", [False, True])
+async def test_behind_a_time_that_the_clock_left_out_stands_what_is_so_then(history: Database, restarted: bool) -> None:
+    """The clock went an hour ahead, where what was known broke off, and comes back to before that."""
+    source, made = await recording(history, point())
+    source.publish(m1_speed=1.0)
+    await made.flush()
+    broke_off = source.clock.micros() + 2_000_000
+    source.clock.step_wall(3600)
+    made.break_off(Standstill(broke_off, source.clock.micros(), 0.0))
+    await made.flush()
+    if restarted:
+        await made.close()
+        source, made = await recording(history, point(), later=-60)
+    else:
+        source.clock.step_wall(-3660)
+    source.publish(m1_speed=1.0)
+    for _ in range(70):
+        source.clock.advance(1)
+        await made.flush()
+    now = source.clock.micros()
+    assert now > broke_off
+    *_, (_, _, stored) = (row for row in rows_of(history) if row[0] <= now)
+    assert stored == GOOD
 
 
 async def test_points_without_history_leave_none(history: Database) -> None:

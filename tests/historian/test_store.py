@@ -171,8 +171,8 @@ def test_a_new_run_closes_what_a_killed_one_left_open() -> None:
             point("m1.current"),
             alive=BEGIN + 40_000_000,
         )
-        assert store.begin_run(connection, BEGIN + HOUR) == store.Closed(1, BEGIN + 40_000_001)
-        assert store.begin_run(connection, BEGIN + 2 * HOUR) == store.Closed(0, 0)
+        assert store.begin_run(connection, BEGIN + HOUR) == store.Closed(1, ())
+        assert store.begin_run(connection, BEGIN + 2 * HOUR) == store.Closed(0, ())
         last = connection.exec_driver_sql("SELECT t, v, q FROM sample WHERE point = 1 ORDER BY t DESC").first()
         assert last is not None
         assert tuple(last) == (BEGIN + 40_000_001, None, NO_DATA)
@@ -185,7 +185,7 @@ def test_after_a_clock_that_was_set_back_what_a_killed_run_left_open_is_closed_w
         fill(connection, [(1, later, 5.0, None, GOOD)], point("m1.speed"), point("m1.current"), alive=later + 2_000_000)
         store.begin_run(connection, BEGIN)  # an hour back
         store.append(connection, [(1, BEGIN, 6.0, None, GOOD), (2, BEGIN, 7.0, None, GOOD)], BEGIN, BEGIN + 9_000_000)
-        assert store.begin_run(connection, BEGIN + 60_000_000) == store.Closed(2, BEGIN + 9_000_001)
+        assert store.begin_run(connection, BEGIN + 60_000_000) == store.Closed(2, (later + 2_000_001,))
         found = connection.exec_driver_sql("SELECT point, t, q FROM sample ORDER BY point, t").all()
         assert [tuple(row) for row in found] == [
             (1, BEGIN, GOOD),

@@ -9,14 +9,14 @@ import logging
 import re
 import shutil
 from collections import Counter
-from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, cast
 
 import app.db
 import app.runtime
@@ -26,7 +26,9 @@ from app.access.roles import Person, permissions_of
 from app.access.sessions import hash_of
 from app.clock import ManualClock
 from app.commands import interlocks
+from app.commands.job import Job
 from app.commands.lifecycle import Progress
+from app.commands.machine import Machine, SetJob
 from app.commands.orders import Order
 from app.commands.parameter_change import KEY as PARAMETERS
 from app.commands.parameter_change import SAVE, ParameterChange
@@ -234,9 +236,9 @@ class World:
     silences: list[tuple[int, int]] = field(default_factory=list)
     """When no server saw anything [µs UTC, from and to], as long as the clock was not set back behind that."""
     lived: list[tuple[int, int]] = field(default_factory=list)
-    """Until when the clock was set back, each with what it was before it ran there [µs UTC]."""
+    """Until when the clock was set, each with since when it had run there [µs UTC]."""
     lives_since: int = 0
-    """What the clock was in the beginning, and when it was last set back [µs UTC]."""
+    """What the clock was in the beginning, and when it was last set [µs UTC]."""
     errors: list[str] = field(default_factory=list)
     """What was logged as an error that is none of those we made."""
     lines: list[str] = field(default_factory=list)
@@ -319,23 +321,40 @@ class World:
         ring.take = taken  # type: ignore[method-assign]
 
     def _watch_orders(self, runtime: Runtime) -> None:
-        """Have every order seen when the line of the audit says that it is being sent."""
-        assert runtime.gate is not None
-        lines = runtime.gate._state.audit_lines
+        """Have every order seen when it is about to be sent: a plain one with its line in the audit; of a set, which looks whether it may
+        go on before each telegram, every telegram with new values."""
+        gate = runtime.gate
+        assert gate is not None
+        lines = gate._state.audit_lines
         sent = lines.sent
 
         async def telling(order: Order, progress: Progress) -> bool:
-            if not self.down:
-                self._begun(runtime, order)
+            machine = gate._state.machines.get(order.equipment)
+            if machine is not None and machine.job is not None and machine.job.order is order:
+                self._begun(runtime, machine, machine.job)
             return await sent(order, progress)
 
         lines.sent = telling  # type: ignore[method-assign]
+        self._watch_telegrams(runtime, gate._sets, "_send")
+        for work in (gate.parameters._work, gate.encoders._work):
+            self._watch_telegrams(runtime, work, "change")
 
-    def _begun(self, runtime: Runtime, order: Order) -> None:
+    def _watch_telegrams(self, runtime: Runtime, sets: object, name: str) -> None:
+        send = getattr(sets, name)
+
+        def telling(machine: Machine, job: SetJob, *given: Any, new: bool = True) -> Awaitable[Any]:
+            if new:
+                self._begun(runtime, machine, job)
+            return cast(Awaitable[Any], send(machine, job, *given, new=new))
+
+        setattr(sets, name, telling)
+
+    def _begun(self, runtime: Runtime, machine: Machine, at_work: Job | SetJob) -> None:
+        """`at_work` is about to be sent."""
         assert runtime.gate is not None
-        machine, person = runtime.gate._state.machines.get(order.equipment), order.person
-        at_work = machine and (machine.set or machine.job)
-        if machine is None or person is None or not at_work:
+        order = at_work.order
+        person = order.person
+        if self.down or person is None:
             return
         command = machine.item.type.commands.get(order.key)
         if command is not None and command.stop:  # its line is written beside what is at work by then
@@ -957,9 +976,14 @@ class World:
         now = self.clock.micros()
         self.walls.append((self.now, now - round(self.now * 1e6)))
         self.silences = [(begin, end) for begin, end in self.silences if end < now]
-        if now < before:
-            self.lived.append((self.lives_since, before))
-            self.lives_since = now
+        self.lived.append((self.lives_since, before))
+        self.lives_since = now
+
+    @property
+    def lived_twice_until(self) -> int:
+        """Until when the time that it is now was lived before, by a clock that was set back since [µs UTC]; 0 = it was not."""
+        now = self.clock.micros()
+        return max((until for since, until in self.lived if since <= now <= until + AHEAD), default=0)
 
     def _silent(self, begin: int) -> None:
         """No server saw anything from `begin` until now; where the clock was before it was set back, one did."""
@@ -1071,6 +1095,8 @@ class World:
         self.troubled = self.now
 
 
+AHEAD = 1_000_000
+"""Behind a time that was lived twice the history goes on so much later at most [µs]."""
 NOTICED = 2.5
 """A server that stood still for longer has to know it [s]."""
 SWEPT = 0.3
