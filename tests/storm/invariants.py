@@ -784,8 +784,9 @@ async def what_is_shown_is_kept(c: Checker) -> None:
     runtime, columns = c.world.runtime, history.sample.c
     if c.world.down or runtime.plant is None:
         return
-    while until := c.world.lived_twice_until:
-        await asyncio.sleep((until - runtime.clock.micros()) / 1e6 + 2.0)
+    for _ in c.world.lived:
+        if until := c.world.lived_twice_until:
+            await asyncio.sleep((until - runtime.clock.micros()) / 1e6 + 2.0)
     with c.world.standstill():
         await asyncio.sleep(STANDSTILL)
         await runtime.recorder.flush()
