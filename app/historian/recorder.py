@@ -65,6 +65,8 @@ class Recorder:
         self._minutes = Minutes(GAP_AFTER)
         self.upkeep = Upkeep(database, clock, self._minutes, keep_days=keep_days, quota=quota)
         self._start = self._alive = clock.micros()
+        self._furthest = 0
+        """Of what was stored since the clock was last set back [µs UTC]."""
         self._ended: list[tuple[int, int]] = []
         """Where what this recorder says breaks off since it was stored last, by a clock that was set, and where it goes on [µs UTC]."""
         self._wanted: list[Point] = []
@@ -221,18 +223,16 @@ class Recorder:
 
     async def _append(self, rows: list[Row], now: int) -> None:
         reached = max(self._alive, self._ended[-1][1] if self._ended else self._start)
+        furthest = max(reached, self._furthest, *(row[1] for row in self._rows))
         if now < reached:  # the clock was set back
-            self._ended.append((reached, now))
+            self._ended.append((furthest, now))
+        self._furthest = now if now < reached else furthest
         start, id, self._alive, ended = self._start, self._id, now, list(self._ended)
 
         def work(connection: Connection) -> Sequence[int]:
             if self._database.id != id:  # the numbers are of points of the database that was lost
                 return ()
-            begin = start
-            for end, goes_on in ended:
-                store.lived(connection, begin, end)
-                begin = goes_on
-            store.append(connection, rows, begin, now, self._minutes)
+            store.append(connection, rows, store.broken_off(connection, start, ended), now, self._minutes)
             return store.ahead(connection, now) if any(goes_on < end for end, goes_on in ended) else ()
 
         ahead = await self._database.write(work)

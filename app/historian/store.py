@@ -104,7 +104,7 @@ def begin_run(connection: Connection, start: int) -> Closed:
 
     A run that was killed could not say that its values hold no longer: every point whose last sample is not bad gets a bad one,
     directly after the last sign of life. After a clock that was set back this is done more than once: before `start`, at the end of what
-    lies behind it, and where the last run ended.
+    lies behind it, where the last run ended, and where those did that had got further than it.
     """
     before, alive = ALIVE(connection, until=start).scalar() or 0, ALIVE(connection, until=FOREVER).scalar() or 0
     latest = LATEST(connection).first()
@@ -118,8 +118,8 @@ def begin_run(connection: Connection, start: int) -> Closed:
             for number, time in LEFT_OPEN(connection, until=FOREVER)
             if time >= start
         ]
-    if ended not in (0, before, alive):
-        rows += [(number, ended + 1, None, None, NO_DATA) for number, _ in LEFT_OPEN(connection, until=ended + 1)]
+    for end in {ended, *ENDS(connection, now=ended).scalars()} - {0, before, alive}:
+        rows += [(number, end + 1, None, None, NO_DATA) for number, _ in LEFT_OPEN(connection, until=end + 1)]
     ends = {row[1] for row in rows if row[1] >= start} | {*ahead(connection, start - 1)}
     append(connection, rows, start, start)
     return Closed(len(rows), tuple(sorted(ends)))
@@ -130,9 +130,12 @@ def ahead(connection: Connection, now: int) -> list[int]:
     return [end + 1 for end in ENDS(connection, now=now).scalars()]
 
 
-def lived(connection: Connection, start: int, alive: int) -> None:
-    """The recorder that began at `start` was alive at `alive` [µs UTC]."""
-    LIVED(connection, start=start, alive=alive)
+def broken_off(connection: Connection, start: int, ended: Iterable[tuple[int, int]]) -> int:
+    """Note where what the recorder that began at `start` said broke off, and went on; when it went on last [µs UTC]."""
+    for end, goes_on in ended:
+        LIVED(connection, start=start, alive=end)
+        start = goes_on
+    return start
 
 
 FOREVER = (1 << 63) - 1
@@ -176,7 +179,7 @@ def append(connection: Connection, rows: Sequence[Row], start: int, alive: int, 
             if time is not None:
                 SET_BACK(connection, of=table, t=time // width * width, than=time)
         STORED(connection, t=alive // HOUR * HOUR, rows=len(rows), grown=0)
-    lived(connection, start, alive)
+    LIVED(connection, start=start, alive=alive)
     SET(connection, name=LAST_RUN, t=start)
 
 

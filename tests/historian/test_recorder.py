@@ -277,6 +277,29 @@ async def test_a_server_killed_after_its_clock_was_set_back_leaves_no_good_value
     ]
 
 
+async def test_a_server_killed_after_its_clock_was_set_back_twice_leaves_no_good_value_behind(
+    history: Database,
+) -> None:
+    """What it said before the second time is neither the latest nor the last: nobody closed it."""
+    source, made = await recording(history, point())
+    source.publish(m1_speed=1.0)
+    ends = [source.clock.micros()]
+    await made.flush()
+    for value in (2.0, 3.0):
+        source.clock.step_wall(-3600)
+        source.clock.advance(1)
+        await made.flush()
+        source.clock.advance(0.4)
+        source.publish(m1_speed=value)
+        ends.append(source.clock.micros())
+    await made.flush()
+    history.run(lambda c: store.begin_run(c, ends[0] + 86_400_000_000))
+    rows = rows_of(history)
+    for end in ends:
+        following = next(row for row in rows if row[0] > end)
+        assert following == (end + 1, None, NO_DATA)
+
+
 @pytest.mark.parametrize("seconds", [0.0, 10.0])
 async def test_what_does_not_change_is_known_behind_the_end_of_a_run_whose_clock_was_ahead(
     history: Database, seconds: float
