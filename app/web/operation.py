@@ -59,6 +59,8 @@ class Button:
     """Time for the feedback [s]."""
     waiting: str = ""
     """Pattern of the second line meanwhile, with {elapsed} and {limit}."""
+    outcome: str = ""
+    """What became of it in a word or two, when it came to another end than it should: the second line says why."""
 
     moves: bool = True
     """False for what does not make the machine move."""
@@ -189,7 +191,8 @@ class Operation(Needs):
             return Button(view, url, state, line, reason, cause, look, waits, progress.limit, pattern)
         text = self.equipment.text(progress.text)
         line = f"{text} {self.words.time(progress.ended)}" if state == "done" else self.words.because(progress) or text
-        return Button(view, url, state, f"{line} · {idle}" if asks else line, reason, cause, look)
+        outcome = "" if state == "done" else text
+        return Button(view, url, state, f"{line} · {idle}" if asks else line, reason, cause, look, outcome=outcome)
 
     def why_not(self, key: str) -> str:
         """Why this person cannot give the command (or write the setpoint) now, in words; empty = possible."""
