@@ -24,7 +24,7 @@ UNIT = (ROOT / "packaging" / "pogon.service").read_text("utf-8")
 
 
 def test_the_compose_file_follows_the_schema() -> None:
-    dclint = [shutil.which("node") or "node", "node_modules/dclint/bin/dclint.cjs", "--max-warnings", "0"]
+    dclint = [str(Path(sys.executable).with_name("node")), "node_modules/dclint/bin/dclint.cjs", "--max-warnings", "0"]
     lint = subprocess.run([*dclint, BASE, SERIAL, TLS, EDITOR], cwd=ROOT, capture_output=True, text=True)
     assert lint.returncode == 0, lint.stdout + lint.stderr
 

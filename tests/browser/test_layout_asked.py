@@ -17,7 +17,7 @@ SCREENS = {"panel": SIZES["panel"], "small": SIZES["small"], "ten inches": (1024
 TOKEN = """async (language) => new DOMParser().parseFromString(await (await fetch('/equipment/m2/commands')).text(), 'text/html')
   .querySelector('.token').outerHTML"""
 ASKED = f"""(token) => {{ // in one go, before the next answer hides it again
-  const places = () => [...document.querySelectorAll('.op-list > *, .op > .stop')].filter((one) => one.checkVisibility())
+  const places = () => [...document.querySelectorAll('.op-list > :not(.op-above), .op > .stop')].filter((one) => one.checkVisibility())
     .map((one) => [one.className, Math.round(one.getBoundingClientRect().top)]);
   const before = places();
   const own = document.querySelector('.op > .token').outerHTML;
