@@ -1,15 +1,19 @@
 """The control token: who may command a machine. One session at a time; Stop and acknowledge need none.
 
 It is taken, handed over, released, or lost: 10 s after the last socket of its session, or after 15 min without a command or another deed
-of the person. Whoever wants it from the holder asks; the holder has 10 s to refuse, silence yields to an asker who is still there: the
-request is withdrawn 10 s after the last socket of its session. Nothing changes hands while a hold-to-run moves the machine.
+of the person. Whoever wants it from the holder asks, and stands in line behind those who asked before (`control_line`). The first in line
+is put to the holder, who has 10 s to refuse; silence yields to an asker who is still there. A refusal takes only that one out, who may
+ask again after 30 s. What is released or lost goes to the first in line at once. Out of the line is who withdraws, whose session ends or
+may not operate any more, and whose last socket closed 10 s ago. Nothing changes hands while a hold-to-run moves the machine, and nobody
+is put to who holds the button; who asks meanwhile stands in line.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from app.access.roles import Person, Rights
 from app.clock import Clock
+from app.commands.control_line import ANSWER, Line, Place, identity
 from app.errors import Refused
 
 OPERATE = "operate"
@@ -18,8 +22,6 @@ IDLE = 900.0
 """Time without a sign of the holder after which the token is free [s]."""
 GONE = 10.0
 """Time after the holder's last socket closed [s]."""
-ANSWER = 10.0
-"""Time that the holder has to refuse a take-over [s]."""
 PAUSE = 30.0
 """Time after a refusal before the same person may ask again [s]."""
 
@@ -36,31 +38,17 @@ class Holder:
     """[µs UTC]"""
 
 
-@dataclass(frozen=True, slots=True)
-class TakeOver:
-    """Somebody asks the holder for a machine."""
-
-    session: str
-    person: str
-    display: str
-    asked: int
-    """[µs UTC]"""
-    until: float
-    """Monotonic time at which silence yields [s]."""
-
-
 @dataclass(slots=True)
 class _Tenure:
     holder: Holder
     who: Person
     sign: float
     """Last sign of the person, monotonic [s]."""
-    request: TakeOver | None = None
-    asker: Person | None = None
+    line: Line = field(default_factory=Line)
 
 
 Journal = Callable[[Person | None, str, str, str], None]
-"""(person, equipment, what: taken, released, handed_over, taken_over, refused, lost; name of the former holder)."""
+"""(person, equipment, what: taken, released, handed_over, taken_over, moved_up, refused, withdrawn, lost; name of the former holder)."""
 
 
 class ControlToken:
@@ -93,10 +81,29 @@ class ControlToken:
         tenure = self._tenures.get(equipment)
         return tenure.holder if tenure else None
 
-    def request_for(self, equipment: str) -> TakeOver | None:
-        """The take-over that waits for the holder's answer."""
+    def line(self, equipment: str) -> tuple[Place, ...]:
+        """Who waits for the machine, the next one first."""
         tenure = self._tenures.get(equipment)
-        return tenure.request if tenure else None
+        return tenure.line.places if tenure else ()
+
+    def request_for(self, equipment: str) -> Place | None:
+        """The take-over that waits for the holder's answer: of the first in line, or none yet."""
+        tenure = self._tenures.get(equipment)
+        return tenure.line.put if tenure else None
+
+    def number(self, person: Person, equipment: str) -> int:
+        """The person's place in the line, from 1, from whichever browser they asked; 0 = does not wait."""
+        tenure = self._tenures.get(equipment)
+        return tenure.line.number(person) if tenure else 0
+
+    def yields_in(self, equipment: str) -> float | None:
+        """Time after which the first in line has the machine if the holder keeps silent [s]; None while nobody can say."""
+        tenure, now = self._tenures.get(equipment), self._clock.monotonic()
+        if tenure is None or tenure.line.first is None:
+            return None
+        if tenure.line.put:
+            return max(0.0, tenure.line.put.until - now)
+        return None if self._moving(equipment) else max(0.0, tenure.line.rest - now) + ANSWER
 
     def holds(self, person: Person, equipment: str) -> bool:
         """Whether this very session holds the machine."""
@@ -119,11 +126,11 @@ class ControlToken:
         tenure.sign = self._clock.monotonic()
         return tenure.holder
 
-    def request(self, person: Person, equipment: str) -> TakeOver | None:
-        """Ask the holder for the machine; None = it was free and is the asker's now.
+    def request(self, person: Person, equipment: str) -> Place | None:
+        """Ask for the machine; the person's place in the line, None = the machine was free and is the asker's now.
 
         Raises:
-            Refused: 403 `why.role`; 423 `why.hold_active` while a hold-to-run moves it, `why.requested` when somebody else asks already,
+            Refused: 403 `why.role`; 409 `why.in_line` when the person waits already from another session; 423 `why.line_full`,
                 `why.take_over_refused` within 30 s of the holder's refusal.
         """
         tenure = self._tenures.get(equipment)
@@ -132,51 +139,59 @@ class ControlToken:
             return None
         if not self._may(person):
             raise Refused("why.role", 403, role="operator")
-        if self._moving(equipment):
-            raise Refused("why.hold_active", 423, display=tenure.holder.display)
-        now = self._clock.monotonic()
-        if tenure.request and tenure.request.session != person.session:
-            raise Refused("why.requested", 423, display=tenure.request.display)
-        if now - self._refusals.get((equipment, str(person.id)), float("-inf")) < PAUSE:
+        line, now = tenure.line, self._clock.monotonic()
+        if number := line.number(person):
+            if line.places[number - 1].session != person.session:
+                raise Refused("why.in_line", 409)
+            return line.places[number - 1]
+        if now - self._refusals.get((equipment, identity(person)), float("-inf")) < PAUSE:
             raise Refused("why.take_over_refused", 423, display=tenure.holder.display)
-        if tenure.request is None:
-            tenure.request = TakeOver(
-                person.session, str(person.id), person.display, self._clock.micros(), now + ANSWER
-            )
-            tenure.asker = person
-            self._changed(equipment)
-        return tenure.request
+        line.join(person, self._clock.micros())
+        if not self._moving(equipment):
+            line.ask(now)
+        self._changed(equipment)
+        return line.places[-1]
+
+    def withdraw(self, person: Person, equipment: str) -> None:
+        """The person waits no more for the machine, from whichever session they asked.
+
+        Raises:
+            Refused: 409 `why.not_in_line`.
+        """
+        tenure = self._tenures.get(equipment)
+        if tenure is None or not tenure.line.number(person):
+            raise Refused("why.not_in_line", 409)
+        self._journal(person, equipment, "withdrawn", "")
+        self._keep(equipment, tenure, lambda place: identity(place.who) != identity(person))
 
     def refuse(self, person: Person, equipment: str) -> None:
         """The holder keeps the machine.
 
         Raises:
-            Refused: 409 `why.no_request`: nobody asks, or this session does not hold it.
+            Refused: 409 `why.no_request`: nobody is put to the holder, or this session does not hold it.
         """
         tenure = self._own(person, equipment)
-        if tenure is None or tenure.request is None:
+        if tenure is None or (put := tenure.line.put) is None:
             raise Refused("why.no_request", 409)
-        self._refusals[equipment, tenure.request.person] = self._clock.monotonic()
-        self._journal(person, equipment, "refused", tenure.request.display)
-        tenure.request = tenure.asker = None
-        tenure.sign = self._clock.monotonic()
-        self._changed(equipment)
+        tenure.sign = self._refusals[equipment, identity(put.who)] = self._clock.monotonic()
+        self._journal(person, equipment, "refused", put.display)
+        self._keep(equipment, tenure, lambda place: place is not put)
 
     def give(self, person: Person, equipment: str) -> Holder:
-        """The holder hands the machine to whoever asks, at once.
+        """The holder hands the machine to whoever is put to him, at once.
 
         Raises:
             Refused: 409 `why.no_request`; 423 `why.hold_active`.
         """
         tenure = self._own(person, equipment)
-        if tenure is None or tenure.asker is None or not self._may(tenure.asker):
+        if tenure is None or (put := tenure.line.put) is None or not self._may(put.who):
             raise Refused("why.no_request", 409)
         if self._moving(equipment):
             raise Refused("why.hold_active", 423, display=tenure.holder.display)
-        return self._give(tenure.asker, equipment, "handed_over", tenure.holder.display)
+        return self._pass_on(tenure, put, equipment, "handed_over")
 
     def release(self, person: Person, equipment: str) -> None:
-        """The holder lets go; whoever asks gets it. Nothing happens when this session does not hold it.
+        """The holder lets go; the first in line gets it. Nothing happens when this session does not hold it.
 
         Raises:
             Refused: 423 `why.hold_active`.
@@ -219,9 +234,7 @@ class ControlToken:
         self._closed.pop(session, None)
         self._sockets.pop(session, None)
         for equipment, tenure in list(self._tenures.items()):
-            if tenure.request and tenure.request.session == session:
-                tenure.request = tenure.asker = None
-                self._changed(equipment)
+            self._keep(equipment, tenure, lambda place: place.session != session)
             if tenure.holder.session == session:
                 self._let_go(equipment, "lost")
 
@@ -231,34 +244,29 @@ class ControlToken:
             del self._tenures[gone]
 
     def check_rights(self) -> None:
-        """Free what is held, and drop what is asked for, by who may operate no more; not while it moves: the motion ends first."""
+        """Free what is held by who may operate no more, and drop their places; not while it moves: the motion ends first."""
         for equipment, tenure in list(self._tenures.items()):
-            if tenure.asker is not None and not self._may(tenure.asker):
-                tenure.request = tenure.asker = None
-                self._changed(equipment)
+            self._keep(equipment, tenure, lambda place: self._may(place.who))
             if not self._may(tenure.who) and not self._moving(equipment):
                 self._let_go(equipment, "lost")
 
     def tick(self) -> None:
-        """Free what is idle or gone, and hand over where the holder kept silent. Called several times a second."""
+        """Free what is idle or gone, move the lines up, and hand over where the holder kept silent. Called several times a second."""
         self.check_rights()
         now = self._clock.monotonic()
         for equipment, tenure in list(self._tenures.items()):
+            self._keep(equipment, tenure, lambda place: not self._gone(place.session))
             if self._moving(equipment):
                 tenure.sign = now
-                continue
-            gone = now - self._closed.get(tenure.holder.session, now) >= GONE
-            if gone or now - tenure.sign >= IDLE:
+            elif self._gone(tenure.holder.session) or now - tenure.sign >= IDLE:
                 self._let_go(equipment, "lost")
-            elif tenure.request and tenure.asker:
-                asker = tenure.request.session
-                if now - self._closed.get(asker, now) >= GONE:
-                    tenure.request = tenure.asker = None
+            elif (put := tenure.line.put) is None:
+                if tenure.line.ask(now):
                     self._changed(equipment)
-                elif now >= tenure.request.until and asker not in self._closed:  # nobody loses it to nobody
-                    self._give(tenure.asker, equipment, "taken_over", tenure.holder.display)
+            elif now >= put.until and put.session not in self._closed:  # nobody loses it to nobody
+                self._pass_on(tenure, put, equipment, "taken_over")
         known = {tenure.holder.session for tenure in self._tenures.values()}
-        known |= {tenure.request.session for tenure in self._tenures.values() if tenure.request}
+        known |= {place.session for tenure in self._tenures.values() for place in tenure.line.places}
         self._closed = {s: at for s, at in self._closed.items() if s in known or now - at < GONE}
         self._refusals = {key: at for key, at in self._refusals.items() if now - at < PAUSE}
 
@@ -270,16 +278,30 @@ class ControlToken:
         tenure = self._tenures.get(equipment)
         return tenure if tenure and tenure.holder.session == person.session else None
 
-    def _give(self, person: Person, equipment: str, what: str, former: str = "") -> Holder:
+    def _gone(self, session: str) -> bool:
+        """Whether its last socket closed long enough ago."""
+        now = self._clock.monotonic()
+        return now - self._closed.get(session, now) >= GONE
+
+    def _keep(self, equipment: str, tenure: _Tenure, stays: Callable[[Place], bool]) -> None:
+        if tenure.line.keep(stays, self._clock.monotonic()):
+            self._changed(equipment)
+
+    def _give(self, person: Person, equipment: str, what: str, former: str = "", line: Line | None = None) -> Holder:
         holder = Holder(person.session, str(person.id), person.display, self._clock.micros())
-        self._tenures[equipment] = _Tenure(holder, person, self._clock.monotonic())
+        self._tenures[equipment] = _Tenure(holder, person, self._clock.monotonic(), line or Line())
         self._journal(person, equipment, what, former)
         self._changed(equipment)
         return holder
 
+    def _pass_on(self, tenure: _Tenure, first: Place, equipment: str, what: str) -> Holder:
+        tenure.line.served(self._clock.monotonic())
+        return self._give(first.who, equipment, what, tenure.holder.display, tenure.line)
+
     def _let_go(self, equipment: str, what: str) -> None:
         tenure = self._tenures.pop(equipment)
         self._journal(tenure.who, equipment, what, "")
-        if tenure.asker and self._may(tenure.asker):
-            self._give(tenure.asker, equipment, "taken_over", tenure.holder.display)
+        tenure.line.keep(lambda place: self._may(place.who), self._clock.monotonic())
+        if first := tenure.line.first:
+            self._pass_on(tenure, first, equipment, "moved_up")
         self._changed(equipment)

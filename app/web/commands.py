@@ -156,13 +156,14 @@ async def setpoint(request: Request, key: str, setpoint: str) -> Response:
 
 @router.post("/equipment/{key}/token/{action}", dependencies=[allow("operate")])
 async def token(request: Request, key: str, action: str) -> Response:
-    """Take the machine, ask for it, hand it over, keep it, let it go."""
+    """Take the machine, ask for it, ask no more, hand it over, keep it, let it go."""
     operation = operation_of(request, key)
     form = await fields(request, ())
     control, person = gate_of(operation).control, person_of(request)
     actions = {
         "take": control.take,
         "request": control.request,
+        "withdraw": control.withdraw,
         "refuse": control.refuse,
         "give": control.give,
         "release": control.release,
@@ -175,8 +176,12 @@ async def token(request: Request, key: str, action: str) -> Response:
         return _answered(
             request, operation, form, operation.named(operation.words.refusal(error)), "error", error.status
         )
+    if action == "request" and control.holds(person, operation.id):
+        action = "take"
+    number, of = control.number(person, operation.id), len(control.line(operation.id))
+    did = "operate.did.stand" if action == "request" and number > 1 else f"operate.did.{action}"
     return _answered(
-        request, operation, form, operation.named(operation.equipment.text(f"operate.did.{action}")), "done", 200
+        request, operation, form, operation.named(operation.equipment.text(did, number=number, of=of)), "done", 200
     )
 
 

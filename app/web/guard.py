@@ -56,7 +56,7 @@ DENIALS_KEPT = 60.0
 """The same refusal of the same person is written down once in so long [s]."""
 DENIALS_APART = 30
 """So many of a person are told apart in it by machine and command; further ones by their page alone."""
-CONTROL = frozenset({"take", "request", "refuse", "give", "release"})
+CONTROL = frozenset({"take", "request", "withdraw", "refuse", "give", "release"})
 """What may be asked about the control of a machine."""
 
 

@@ -81,13 +81,13 @@ class Holding:
     """guest, free, mine, other."""
     text: str
     action: str = ""
-    """take, release or request; empty = none possible."""
+    """take, release, request or withdraw; empty = none possible."""
     asks: str = ""
     """Somebody asks the holder for it."""
-    left: float = 0.0
-    """Time left for the holder to refuse [s]."""
-    asked: bool = False
-    """It is this person who asks."""
+    line: str = ""
+    """Who waits for it, or which place in the line this person has; empty = nobody waits."""
+    left: float | None = None
+    """Time left for the holder to refuse, for who is asked and who is next [s]; None for others, and while it cannot be told."""
     sentence: str = ""
     """`text` where nothing beside says what it is about; empty = `text` says it."""
 
@@ -238,9 +238,8 @@ class Operation(Needs):
         if self.gate is None:
             return Holding("guest", text("operate.not_ready"))
         control, person = self.gate.control, self.person
-        holder, request = control.holder(self.id), control.request_for(self.id)
+        holder = control.holder(self.id)
         may = person is not None and person.may("operate")
-        left = max(0.0, request.until - self.runtime.clock.monotonic()) if request else 0.0
         if holder is None:
             return (
                 Holding("free", text("operate.free"), "take" if may else "")
@@ -248,12 +247,45 @@ class Operation(Needs):
                 else Holding("guest", text("operate.free"))
             )
         if person is not None and holder.session == person.session:
-            asks = text("operate.asks", display=request.display) if request else ""
-            return Holding("mine", text("operate.mine"), "release", asks, left)
-        mine = request is not None and person is not None and request.session == person.session
-        held = text("operate.held", display=self.words.named(holder.display), since=self.words.time(holder.since))
-        action = "request" if may and not mine else ""
-        return Holding("other" if may else "guest", held, action, "", left, mine, text("why.held", display=held))
+            asks = self._waiting("operate.asks") if control.request_for(self.id) else ""
+            waits, left = self._waiting("operate.waits"), control.yields_in(self.id)
+            return Holding(
+                "mine",
+                text("operate.you" if waits else "operate.mine"),
+                "release",
+                asks,
+                waits,
+                left,
+                text("operate.mine"),
+            )
+        number = control.number(person, self.id) if person is not None else 0
+        line = self.place if number else self._waiting("operate.waits")
+        name = self.words.named(holder.display)
+        held = text("operate.held", display=name, since=self.words.time(holder.since))
+        action = ("withdraw" if number else "request") if may else ""
+        left = control.yields_in(self.id) if number == 1 else None
+        told = text("why.held", display=held)
+        return Holding("other" if may else "guest", name if line else held, action, "", line, left, told)
+
+    @property
+    def place(self) -> str:
+        """Which place in the line for the machine this person has; empty = does not wait."""
+        if self.gate is None or self.person is None:
+            return ""
+        control = self.gate.control
+        number = control.number(self.person, self.id)
+        if number == 1 and control.request_for(self.id):
+            return self.equipment.text("operate.asked")
+        of = len(control.line(self.id))
+        return self.equipment.text("operate.place", number=number, of=of) if number else ""
+
+    def _waiting(self, key: str) -> str:
+        """Who waits, in the words of `key`, or of `<key>_more` with how many behind; empty = nobody."""
+        line = self.gate.control.line(self.id) if self.gate else ()
+        if not line:
+            return ""
+        first, more = self.words.named(line[0].display), len(line) - 1
+        return self.equipment.text(f"{key}_more" if more else key, display=first, more=more)
 
     @cached_property
     def situation(self) -> list[ConditionLine]:

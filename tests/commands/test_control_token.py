@@ -12,6 +12,8 @@ class Desk:
     def __init__(self) -> None:
         self.clock = ManualClock()
         self.moving = False
+        self.barred: set[str] = set()
+        """Sessions that are over."""
         self.story: list[str] = []
         self.changed: list[str] = []
         self.token = ControlToken(
@@ -19,6 +21,7 @@ class Desk:
             moving=lambda equipment: self.moving,
             changed=self.changed.append,
             journal=lambda who, equipment, what, former: self.story.append(f"{who.name if who else ''} {what}"),
+            rights=lambda who: None if who.session in self.barred else who,
         )
 
     def pass_time(self, seconds: float) -> None:
@@ -30,6 +33,13 @@ class Desk:
     def holder(self) -> str:
         holder = self.token.holder("m1")
         return holder.display if holder else ""
+
+    @property
+    def seen(self) -> str:
+        """`Ana < Ivo! Eva`: who holds it and who waits; whoever is put to the holder is marked."""
+        put = self.token.request_for("m1")
+        waiting = [f"{place.display}{'!' * (place is put)}" for place in self.token.line("m1")]
+        return " ".join([self.holder, *(["<", *waiting] if waiting else [])])
 
 
 def refused(work: object, *args: object) -> tuple[str, int]:
@@ -72,7 +82,8 @@ def test_the_holder_may_refuse_or_hand_over_at_once() -> None:
     assert refused(desk.token.request, IVO, "m1") == ("why.take_over_refused", 423)
     desk.pass_time(16)
     desk.token.request(IVO, "m1")
-    assert refused(desk.token.request, person("eva"), "m1") == ("why.requested", 423)
+    desk.token.request(person("eva"), "m1")
+    assert desk.seen == "Ana < Ivo! Eva"
     assert refused(desk.token.give, IVO, "m1") == ("why.no_request", 409)
     desk.token.give(ANA, "m1")
     assert desk.holder == "Ivo"
@@ -144,7 +155,9 @@ def test_nothing_changes_hands_while_a_hold_to_run_moves_the_machine() -> None:
     desk.moving = True
     desk.pass_time(20)
     assert desk.holder == "Ana"
-    assert refused(desk.token.request, person("eva"), "m1") == ("why.hold_active", 423)
+    desk.token.request(person("eva"), "m1")
+    assert desk.seen == "Ana < Ivo! Eva"
+    assert refused(desk.token.give, ANA, "m1") == ("why.hold_active", 423)
     assert refused(desk.token.release, ANA, "m1") == ("why.hold_active", 423)
     desk.moving = False
     desk.pass_time(0.5)

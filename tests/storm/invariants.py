@@ -15,6 +15,7 @@ from app.alarms.conditions import EVENT_LATE
 from app.alarms.lifecycle import TRANSITIONS, Entry
 from app.alarms.shelf import unpacked
 from app.alarms.tables import journal_table, state_table
+from app.commands.control_line import identity
 from app.commands.hold import TTL
 from app.commands.lifecycle import Progress, ProgressState
 from app.commands.open_sets import values_of
@@ -312,7 +313,7 @@ def good_is_fresh(c: Checker) -> None:
 
 
 def control_is_lived(c: Checker) -> None:
-    """Who holds a machine, or moves it by hand, has a living session with the right to."""
+    """Who holds a machine, waits for it, or moves it by hand, has a living session with the right to; everybody waits once."""
     world = c.world
     if world.down or world.runtime.gate is None:
         return
@@ -323,6 +324,15 @@ def control_is_lived(c: Checker) -> None:
             raise Fell("control_is_lived", f"{equipment} is held by {tenure.holder.display}, whose session is over")
         if not person.may("operate") and not person.idle:
             raise Fell("control_is_lived", f"{equipment} is held by {tenure.holder.display}, who may not operate")
+        for place in tenure.line.places:
+            person = standing(place.who)
+            if person is None or not (person.may("operate") or person.idle):
+                raise Fell("control_is_lived", f"{equipment} is waited for by {place.display}, who may not")
+            if place.session == tenure.holder.session:
+                raise Fell("control_is_lived", f"{equipment} is waited for by {place.display}, who holds it")
+        waiting = [identity(place.who) for place in tenure.line.places]
+        if len(waiting) != len(set(waiting)):
+            raise Fell("control_is_lived", f"somebody waits twice for {equipment}: {waiting}")
     for lease in gate.hold._leases.values():
         if not lease.moving:
             continue
@@ -335,12 +345,14 @@ def control_is_lived(c: Checker) -> None:
 
 
 def what_was_taken_away_is_gone(c: Checker) -> None:
-    """Nobody holds a machine, or moves it by hand, whose session was ended or whose right was taken, by what the world was told of it."""
+    """Nobody holds a machine, waits for it, or moves it by hand, whose session was ended or whose right was taken, by what the world was
+    told of it."""
     world = c.world
     if world.down or world.runtime.gate is None:
         return
     gate, rights, late = world.runtime.gate, world.rights, world.now - SLACK
     at_it = [(id, tenure.who) for id, tenure in gate.control._tenures.items()]
+    at_it += [(id, place.who) for id in gate.control._tenures for place in gate.control.line(id)]
     at_it += [(lease.equipment, lease.person) for lease in gate.hold._leases.values() if lease.moving]
     for equipment, person in at_it:
         over = rights.over.get(person.session)

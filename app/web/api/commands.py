@@ -95,6 +95,20 @@ class NonceOut(BaseModel):
     nonce: str
 
 
+class ControlOut(BaseModel):
+    """Who has control of a machine, and who waits for it."""
+
+    holder: str = Field(description="empty: nobody")
+    since: datetime | None
+    yours: bool
+    line: list[str] = Field(description="who waits, the next one first")
+    place: int = Field(description="yours in the line, from 1; 0: you do not wait")
+    asked: bool = Field(description="the first in line is put to the holder, who may refuse")
+    left: float | None = Field(
+        description="seconds after which the first has it if the holder keeps silent; null: nobody waits, or it cannot be told"
+    )
+
+
 class ReasonOut(BaseModel):
     """Why a command is not possible now."""
 
@@ -111,17 +125,34 @@ async def nonce(request: Request) -> NonceOut:
 
 @router.post("/equipment/{key}/control/{action}", dependencies=[allow("operate"), declared], status_code=204)
 async def control(request: Request, key: str, action: str) -> Response:
-    """`take`, `request`, `refuse`, `give` or `release` the control of a machine."""
+    """`take`, `request`, `withdraw`, `refuse`, `give` or `release` the control of a machine."""
     token, item, person = gate_of(request).control, item_of(request, key), person_of(request)
     actions = {
         "take": token.take,
         "request": token.request,
+        "withdraw": token.withdraw,
         "refuse": token.refuse,
         "give": token.give,
         "release": token.release,
     }
     actions[one_of("path.action", action, actions)](person, item.id)
     return Response(status_code=204)
+
+
+@router.get("/equipment/{key}/control", dependencies=[allow("view"), declared])
+async def control_of(request: Request, key: str) -> ControlOut:
+    """Who has control of a machine, and who waits for it."""
+    token, item, person = gate_of(request).control, item_of(request, key), request.state.person
+    holder = token.holder(item.id)
+    return ControlOut(
+        holder=shown_name(request, holder.display) if holder else "",
+        since=to_datetime(holder.since) if holder else None,
+        yours=person is not None and token.holds(person, item.id),
+        line=[shown_name(request, place.display) for place in token.line(item.id)],
+        place=token.number(person, item.id) if person is not None else 0,
+        asked=token.request_for(item.id) is not None,
+        left=token.yields_in(item.id),
+    )
 
 
 @router.get("/equipment/{key}/commands/{command}/reasons", dependencies=[allow("view"), declared])
