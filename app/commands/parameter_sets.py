@@ -199,6 +199,9 @@ class ParameterSets:
         if not await self._state.audit_lines.sent(job.order, job.progress):
             self._state.end_set(machine, job, ProgressState.FAILED, NO_AUDIT, {})
             return
+        if (failure := self._state.hindrance(machine, job)) is not None:  # writing it down takes long on a slow disk
+            self._state.end_set(machine, job, ProgressState.FAILED, *failure)
+            return
         self._work.reading.begin(machine.item.id, "saving", 0)
         one = ParameterChange(object, parameter, 1.0)
         work = Work([one], mailbox)

@@ -10,6 +10,7 @@ import pytest
 from app.access.roles import Person
 from app.commands.gate import Question
 from app.commands.lifecycle import Progress, ProgressState
+from app.commands.orders import AuditLine
 from app.commands.parameter_change import ParameterChange
 from app.commands.parameter_sets import CANCELLED
 from app.errors import Refused
@@ -311,6 +312,25 @@ async def test_saving_is_a_step_of_its_own_at_standstill_and_waits_until_it_is_o
         await it.done("forward", who=EVA)
         with pytest.raises(Refused, match=r"why\.condition"):
             await save()
+
+
+async def test_who_lost_control_while_it_was_written_down_saves_nothing() -> None:
+    """On a slow disk the audit takes its time."""
+    async with drive() as it:
+        lines = it.gate.parameters._state.audit_lines
+        foretell = lines._foretell
+
+        async def slowly(line: AuditLine) -> bool:
+            lines._foretell = foretell
+            it.gate.control.release(EVA, "d1")
+            it.gate.control.take(ANA, "d1")
+            return await foretell(line)
+
+        lines._foretell = slowly
+        nonce = it.gate.nonces.issue(EVA.session)
+        progress = await it.gate.parameters.save(EVA, "d1", nonce=nonce, confirmed=True, proven=True, reason="x")
+        assert (progress.state, progress.reason) == (FAILED, "why.held"), progress
+        assert not it.drive.model.saving
 
 
 async def test_a_save_that_is_never_over_or_never_answered_is_not_told_as_done() -> None:
