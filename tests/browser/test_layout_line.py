@@ -7,14 +7,11 @@ from playwright.sync_api import Page, StorageState, expect
 
 from tests.browser.looks import SIZES, open_page
 from tests.browser.station import LANGUAGES, Sit, Stations, lay_out, serving, speak, take
-from tests.browser.test_layout_asked import ASKED, KINDS, SCREENS, TOKEN
+from tests.browser.test_layout_asked import KINDS, SCREENS, TOKEN, put
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/equipment/m2"
 PEOPLE = {name: ("operator",) for name in ("ivana", "aleksandra", "maximiliana", "katarina", "tomislav")}
-ALL = SCREENS | {"phone": SIZES["phone"], "narrow": (360, 740, "desk")}
-STILL = f"""(token) => ({ASKED})(token).filter((one) => !/ moves$| lies lower /.test(one))"""
-"""A phone scrolls its commands under Stop, and what asks stands over them."""
 
 
 @pytest.fixture(scope="module")
@@ -55,11 +52,10 @@ def test_a_line_moves_no_command_and_is_read_whole(server: PogonServer, sit: Sit
                 lay_out(who, *SIZES["panel"])
                 speak(who, lang, server.url)
                 open_page(who, f"{server.url}/equipment/{machine}")
-                for size, (width, height, profile) in ALL.items():
+                for size, (width, height, profile) in SCREENS.items():
                     lay_out(who, width, height, profile)
                     for row, by in rows.items():
-                        wrong = who.evaluate(STILL if size in ("phone", "narrow") else ASKED, by[lang])
-                        found += [f"{row} {machine} {lang} {size}: {one}" for one in wrong]
+                        found += [f"{row} {machine} {lang} {size}: {one}" for one in put(who, by[lang], size)]
     for who in (page, pages["tomislav"]):
         who.reload()  # what was put there by hand answers to nobody
     assert found == [], "\n".join(["", *found])
