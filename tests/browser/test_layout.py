@@ -175,6 +175,16 @@ def test_axes_stay_in_sight_whatever_they_say_on_a_panel_of_ten_inches(
     assert [*abnormal.evaluate(PUSHED), *abnormal.evaluate(PUSHED, True)] == []
 
 
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_words_of_axes_are_whole_on_a_narrow_telephone_whatever_they_say(abnormal: Page, lang: str) -> None:
+    speak(abnormal, lang, origin(abnormal))
+    for machine, widest in (("cc1", WIDEST_COIL_CAR), ("cr1", WIDEST_CRANE)):
+        open_page(abnormal, f"{origin(abnormal)}/equipment/{machine}")
+        lay_out(abnormal, 360, 740, "desk")
+        abnormal.evaluate(widest)
+        assert abnormal.evaluate(FAULTS) == [], machine
+
+
 ELSEWHERE = {
     "a desk": (1280, 800, "desk"),
     "a small panel": (800, 480, "panel-9"),
