@@ -3,10 +3,9 @@
 from collections import deque
 from collections.abc import Iterable, Sequence
 
+from app.alarms import journal
 from app.clock import Clock
 
-DAY = 86_400.0
-"""How long a time is kept [s]."""
 FLOOD_WINDOW = 600.0
 FLOOD_BEGINS, FLOOD_ENDS = 10, 5
 """Annunciations within the window [s] that begin a flood, and below which it is over."""
@@ -37,8 +36,9 @@ class Annunciations:
     def add(self) -> None:
         """An alarm asks for attention."""
         self.count += 1
-        self._times.append(self._clock.monotonic())
-        self._recent.append(self._clock.monotonic())
+        now = self._clock.monotonic()
+        self._times.append(now)
+        self._recent.append(now)
         self.judge()
 
     def sound_again(self) -> None:
@@ -58,6 +58,6 @@ class Annunciations:
     def times(self) -> Sequence[int]:
         """When they were in the last 24 hours [µs UTC], oldest first, told by the clock as it is set now."""
         now, mine = self._clock.micros(), self._clock.monotonic()
-        while self._times and mine - self._times[0] > DAY:
+        while self._times and (mine - self._times[0]) * 1e6 > journal.DAY:
             self._times.popleft()
         return tuple(now - round((mine - at) * 1e6) for at in self._times)

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, StorageState, expect
+from playwright.sync_api import Page, expect
 
 from tests.browser.looks import CUT, FAULTS, SIZES, open_page
-from tests.browser.station import LANGUAGES, Sit, Stations, lay_out, serving, speak, take
+from tests.browser.station import LANGUAGES, Sit, lay_out, serving, speak, take
 from tests.conftest import PogonServer
 
 KINDS = ("m2", "c1", "cr1")
@@ -35,13 +35,6 @@ ASKED = f"""(token) => {{ // in one go, before the next answer hides it again
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
     with serving(tmp_path_factory.mktemp("asked"), PEOPLE) as running:
         yield running
-
-
-@pytest.fixture
-def sit(stations: Stations, server: PogonServer, sessions: dict[str, StorageState]) -> Iterator[Sit]:
-    seat = Sit(stations, server, sessions, WHO, HOME)
-    yield seat
-    seat.leave()
 
 
 def test_a_request_for_a_machine_moves_no_command_and_is_read_whole(server: PogonServer, sit: Sit) -> None:

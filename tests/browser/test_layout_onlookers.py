@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, StorageState
+from playwright.sync_api import Page
 
 from tests.browser.looks import CUT, FAULTS, SIZES, open_page
-from tests.browser.station import Sit, Stations, lay_out, serving, speak
+from tests.browser.station import Sit, lay_out, serving, speak
 from tests.browser.test_layout_machines import DEMO
 from tests.conftest import PogonServer
 
@@ -23,13 +23,6 @@ PATHS = (
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
     with serving(tmp_path_factory.mktemp("onlookers"), {"vera": ("viewer",)}) as running:
         yield running
-
-
-@pytest.fixture
-def sit(stations: Stations, server: PogonServer, sessions: dict[str, StorageState]) -> Iterator[Sit]:
-    seat = Sit(stations, server, sessions, WHO, HOME)
-    yield seat
-    seat.leave()
 
 
 @pytest.mark.parametrize(("who", "lang"), [("", "hr"), ("vera", "de")])
