@@ -1,5 +1,5 @@
 # The two commands of a newcomer are `make run` and `make test`; everything else is for those who stay.
-.PHONY: help run setup dev test check fix bench soak storm fuzz pictures lock bundle sbom migration translations registers .browser
+.PHONY: help run setup dev test sweep check fix bench soak storm fuzz pictures lock bundle sbom migration translations registers .browser
 .DEFAULT_GOAL := help
 SHELL  := /bin/bash
 PYTHON ?= python3
@@ -28,8 +28,11 @@ setup: $(VENV)/.app static/vendor/.ready ## set up what is missing, start nothin
 dev: setup ## the same as run, restarting on every change
 	exec $(BIN)/watchfiles "$(BIN)/pogon run $(ARGS)" $(wildcard app templates plants migrations)
 
-test: setup $(VENV)/.test ## every test; T=tests/alarms a part, SEED=7 the order, ARGS=-x for pytest, JOBS=1 one after the other, TOGETHER=1 or 0 stages side by side or not
-	$(BIN)/python tools/run_tests.py --seed "$(SEED)" --jobs "$(JOBS)" --browsers "$(BROWSERS)" $(if $(TOGETHER),$(if $(filter 0,$(TOGETHER)),--apart,--together)) $(T) -- $(ARGS)
+test: setup $(VENV)/.test ## the tests, of those that sweep a draw; T=tests/alarms all of a part, SEED=7 order and draw, ARGS=-x for pytest, JOBS=1 one after the other, TOGETHER=1 or 0 stages side by side or not
+	$(BIN)/python tools/run_tests.py $(if $(SWEEP),--all) --seed "$(SEED)" --jobs "$(JOBS)" --browsers "$(BROWSERS)" $(if $(TOGETHER),$(if $(filter 0,$(TOGETHER)),--apart,--together)) $(T) -- $(ARGS)
+
+sweep: ## every test, as the build server runs them; takes what test takes
+	$(MAKE) test SWEEP=1
 
 check: setup $(VENV)/.test ## format, lint, types, import rows, templates, languages
 	$(BIN)/ruff format --check --quiet .

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 from typing import Any
+from zlib import crc32
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -54,6 +55,10 @@ YOUNG = 50_000
 """So many new objects are there before garbage is searched for: a house that starts makes that many, and none of them is garbage."""
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--draw", type=int, help="of the tests marked sweep, run those that this number draws")
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
     """What test files read of the product's types, to say what they sweep, is read once, too."""
@@ -66,7 +71,7 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Browser tests go last: after Playwright's own loop no other asynchronous test can start in this process."""
     for item in items:
         if {"page", "browser"} & set(getattr(item, "fixturenames", ())):
@@ -76,6 +81,23 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if item.get_closest_marker("real_time") and "mark.real_time" not in item.path.read_text("utf-8"):
             raise pytest.UsageError(f"{item.nodeid} lives in real time: expected mark.real_time in its file")
     items.sort(key=_order)
+    if (seed := config.getoption("--draw")) is not None:
+        left = [item for item in items if not drawn(item, seed)]
+        config.hook.pytest_deselected(items=left)
+        items[:] = [item for item in items if drawn(item, seed)]
+
+
+BROWSERS = 10
+"""One in so many tests with a browser is drawn: a second of theirs costs what fifty tests without one do."""
+
+
+def drawn(item: pytest.Item, seed: int) -> bool:
+    """Whether a test runs when `seed` draws: one in so many as its mark says, and every one that neither sweeps nor has a browser."""
+    if mark := item.get_closest_marker("sweep"):
+        one_in: int = mark.args[0]
+    else:
+        one_in = BROWSERS if item.get_closest_marker("browser") and not item.get_closest_marker("always") else 1
+    return crc32(f"{seed} {item.nodeid}".encode()) % one_in == 0
 
 
 def pytest_collection_finish() -> None:

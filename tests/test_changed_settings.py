@@ -73,6 +73,7 @@ def programs(client: VirtualClient) -> list[Program]:
     return [Program(client, secrets[name]) for name in PEOPLE]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("equipment", SETTINGS)
 def test_the_person_who_changed_a_setting_is_told(programs: list[Program], equipment: str) -> None:
     eva, mira = programs

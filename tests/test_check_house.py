@@ -47,6 +47,7 @@ def test_a_longer_circle_is_found_and_a_straight_road_is_not_one(tmp_path: Path)
     assert list(import_circles(house(tmp_path, c="from app.a.one import x")))
 
 
+@pytest.mark.sweep(8)
 def test_the_house_has_none() -> None:
     assert not list(import_circles(Path(__file__).resolve().parent.parent))
 
@@ -96,6 +97,7 @@ def test_what_is_of_the_machine_or_only_explains_is_not(tmp_path: Path, file: st
     assert not list(named_machines(tree(tmp_path, {**MACHINE, file: text})))
 
 
+@pytest.mark.sweep(8)
 def test_the_general_rooms_of_the_house_name_none() -> None:
     assert not list(named_machines(Path(__file__).resolve().parent.parent))
 
@@ -140,6 +142,7 @@ def test_a_part_that_is_too_large_is_told(tmp_path: Path, lines: int, told: list
     assert list(large_parts(house(tmp_path, a__one=source))) == told
 
 
+@pytest.mark.sweep(8)
 def test_no_part_of_the_house_is() -> None:
     assert not list(large_parts(Path(__file__).parent.parent))
 

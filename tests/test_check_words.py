@@ -16,6 +16,7 @@ def found(place: str, language: str, text: str) -> list[str]:
     return [problem for problem in two_words(planted, ENTRIES) if problem.startswith(place)]
 
 
+@pytest.mark.sweep(8)
 def test_the_house_has_one_word_for_one_thing() -> None:
     assert WRONG == [] and main() == 0
 

@@ -51,6 +51,7 @@ def self_signed(folder: Path) -> tuple[Path, Path]:
     return cert, key
 
 
+@pytest.mark.sweep(8)
 def test_a_port_in_use_is_one_line_and_nothing_is_started(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
@@ -106,6 +107,7 @@ def test_the_port_of_the_simulated_plant_may_be_opened_knowingly() -> None:
     assert read_settings(serve_modbus="0.0.0.0:5020", modbus_beyond="true").modbus_beyond
 
 
+@pytest.mark.sweep(8)
 def test_an_export_into_a_folder_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     history = Database(tmp_path / "history.db", "history")
     history.migrate()
@@ -118,6 +120,7 @@ def test_an_export_into_a_folder_that_is_not_there_is_one_line(tmp_path: Path) -
     )
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("encoding", "shown"), [("ascii", "Đuro Čavić"), ("latin-1", "?uro ?avi?")]
 )  # no terminal is ASCII
@@ -162,6 +165,7 @@ def test_a_foreign_master_and_the_screen_see_the_same_motor(pogon_server: Start,
     master.close()
 
 
+@pytest.mark.sweep(8)
 def test_a_modbus_port_in_use_refuses_the_start_in_one_line(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         address = f"127.0.0.1:{other.getsockname()[1]}"

@@ -271,6 +271,7 @@ def test_a_key_that_others_may_read_is_refused(pogon: Pogon, tmp_path: Path) -> 
         assert "secret.key may be read or written by others" in refused.stderr
 
 
+@pytest.mark.sweep(8)
 def test_beside_a_running_server_people_are_made_and_the_chain_is_verified(
     pogon: Pogon, pogon_server: Callable[..., PogonServer], tmp_path: Path
 ) -> None:

@@ -150,6 +150,7 @@ def test_a_plant_without_sequences_says_nothing_of_tests(tmp_path: Path) -> None
     assert done.stdout.startswith(f"{folder}: no problems. Equipment: 2, links: 2,")
 
 
+@pytest.mark.sweep(8)
 def test_the_demo_plant_has_no_problems_and_its_sequence_passes_its_tests() -> None:
     done = CliRunner().invoke(cli, ["check", "plants/demo", "--tests"])
     assert done.exit_code == 0, done.output

@@ -10,6 +10,7 @@ EACH = 5
 """Cycles of a seed in `make soak`; with two hundred seeds a thousand."""
 
 
+@pytest.mark.sweep(20)
 @pytest.mark.parametrize(("seed", "carrier"), [(1002, "memory"), pytest.param(1, "tcp", marks=pytest.mark.soak)])
 def test_a_cycle_with_faults_ends_in_a_safe_state(seed: int, carrier: str, tmp_path: Path) -> None:
     world = shift(seed, 1, tmp_path, carrier)

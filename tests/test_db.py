@@ -75,6 +75,7 @@ def test_a_new_file_has_pages_of_its_size_and_an_older_one_goes_on_as_it_is(
         database.close()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("former", ["base", "0001"])
 def test_killed_at_any_statement_of_a_migration_it_is_migrated_by_the_next_start(

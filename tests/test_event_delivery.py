@@ -231,6 +231,7 @@ async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -
         await runtime.stop()
 
 
+@pytest.mark.sweep(8)
 async def test_products_follow_a_machine_that_is_renamed(tmp_path: Path) -> None:
     """While products run, and once more while the server is down: one list of passages, nothing missing, nothing twice."""
     plant = folder(tmp_path / "line", SIMULATED)

@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import pytest
+
 from app.tags.quality import QualityReason, reason
 from tests.commands.stand import ANA
 from tests.reloading import running
 
 
+@pytest.mark.sweep(8)
 async def test_it_raises_one_alarm_per_unit_refuses_with_its_reason_and_clears_by_itself(tmp_path: Path) -> None:
     async with running(tmp_path) as plant:
         runtime = plant.runtime

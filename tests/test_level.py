@@ -132,6 +132,7 @@ def used(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
         yield Use(client, request.param)
 
 
+@pytest.mark.sweep(20)
 def test_use_leaves_nothing_behind(used: Use) -> None:
     assert used.left_behind(ROUNDS) == []
 
@@ -146,6 +147,7 @@ def plant(number: int) -> None:
     PLANTED.extend(f"{number} {n}" for n in range(2 * BLOCKS))
 
 
+@pytest.mark.sweep(20)
 def test_a_leak_that_is_planted_is_found(used: Use) -> None:
     """A test of the test above: one object of a class of ours in each round is enough."""
     try:

@@ -23,6 +23,7 @@ DOCKERFILE = (ROOT / "Dockerfile").read_text("utf-8")
 UNIT = (ROOT / "packaging" / "pogon.service").read_text("utf-8")
 
 
+@pytest.mark.sweep(8)
 def test_the_compose_file_follows_the_schema() -> None:
     dclint = [str(Path(sys.executable).with_name("node")), "node_modules/dclint/bin/dclint.cjs", "--max-warnings", "0"]
     lint = subprocess.run([*dclint, BASE, SERIAL, TLS, EDITOR], cwd=ROOT, capture_output=True, text=True)
@@ -270,6 +271,7 @@ def test_the_service_is_valid_and_hardened(tmp_path: Path) -> None:
     assert grade.returncode == 0, grade.stdout[-300:]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.slow
 def test_a_wheel_brings_everything_it_shows(tmp_path: Path) -> None:
     build = [Path(sys.executable).parent / "uv", "build", "-q", "--wheel", "--no-build-isolation", "--offline"]

@@ -2,12 +2,15 @@
 
 import os
 import re
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise, product
 from pathlib import Path
+from typing import cast
 
 import pytest
 
+from tests.conftest import BROWSERS, drawn
 from tools.run_tests import (
     ROOT,
     SPIN,
@@ -71,6 +74,7 @@ def test_a_stage_is_green_only_when_all_its_tests_ran_and_passed(
     assert bool(result.complaints) == bool(counts[1])
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("options", [(), ("-p", "xdist", "-n", "1")], ids=["one process", "workers"])
 def test_a_process_that_dies_under_a_test_is_a_failure(tmp_path: Path, options: tuple[str, ...]) -> None:
     result = outcome(tmp_path, DIES, *options)
@@ -84,6 +88,7 @@ def test_a_stage_that_breaks_inside_is_a_failure(tmp_path: Path) -> None:
     assert "ended with code" in result.complaints[0]
 
 
+@pytest.mark.sweep(8)
 def test_a_stage_that_does_not_end_is_a_failure(tmp_path: Path) -> None:
     result = outcome(tmp_path, HANGS, limit=3.0)
     assert (result.counts, result.complaints) == ((0, 1, 0), ["not done in 3 s"])
@@ -93,6 +98,7 @@ def test_a_part_may_have_no_test_of_a_stage(tmp_path: Path) -> None:
     assert outcome(tmp_path, "", asked=True).counts == (0, 0, 0)
 
 
+@pytest.mark.sweep(8)
 def test_a_stage_without_what_it_needs_is_a_failure(tmp_path: Path) -> None:
     stage = Stage("some", "", needs=("false",))
     assert run(stage, ["test_x.py"], [], False, tmp_path).complaints == ["false failed, so no test ran"]
@@ -105,7 +111,7 @@ def test_an_old_sheet_is_not_read(tmp_path: Path) -> None:
 
 def test_the_closing_line_counts_all_stages_and_stands_alone() -> None:
     results = [Result("a", 3, 1, 0, ["failure: x.py::test_a"]), Result("b", 4, 0, 2)]
-    lines = report(results, 7)
+    lines = report(results, "make test SEED=7")
     assert lines[-1] == "7 passed, 1 failed, 2 skipped"
     assert [line for line in lines[:-1] if line] == [
         "a:",
@@ -244,6 +250,62 @@ def test_where_nothing_else_runs_stages_run_side_by_side(
     assert beside_another == groups
 
 
+@pytest.mark.parametrize(
+    ("asked", "draws", "again"),
+    [
+        ([], True, "make test SEED=7"),
+        (["--all"], False, "make sweep SEED=7"),
+        (["tests/links"], False, "make test SEED=7"),
+        (["--", "-k", "tcp"], False, "make test SEED=7"),
+        (["--", "-m", "browser"], False, "make test SEED=7"),
+        (["--", "-x"], True, "make test SEED=7"),
+    ],
+)
+def test_who_asks_for_all_or_for_a_part_gets_no_draw(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], asked: list[str], draws: bool, again: str
+) -> None:
+    ran: list[list[str]] = []
+
+    def failed(stage: Stage, chosen: list[str], extra: list[str], may_be_empty: bool, aloud: bool = True) -> Result:
+        ran.append(extra)
+        return Result(stage.name, 1, 1, 0, ["failure: x.py::test_a"])
+
+    monkeypatch.setattr("tools.run_tests.run", failed)
+    monkeypatch.setattr("tools.run_tests.has_room", lambda _: False)
+    monkeypatch.setattr("tools.run_tests._check", lambda aloud: Result("check"))
+    assert main(["--seed", "7", *asked]) == 1
+    assert {"--draw=7" in extra for extra in ran} == {draws}
+    told = capsys.readouterr().out.splitlines()
+    assert told[0] == f"The order of the tests: {again}"
+    assert f"In the same order: {again}" in told
+
+
+def test_of_what_sweeps_each_seed_draws_some_and_every_test_has_its_turn() -> None:
+    for mark, one_in in ((pytest.mark.sweep(5).mark, 5), (pytest.mark.browser.mark, BROWSERS)):
+        marked = [cast(pytest.Item, Marked(f"tests/test_x.py::test_a[{number}]", [mark])) for number in range(200)]
+        runs = [[item.nodeid for item in marked if drawn(item, seed)] for seed in range(20 * one_in)]
+        assert all(0.4 < len(run) * one_in / 200 < 1.9 for run in runs)
+        assert {name for run in runs for name in run} == {item.nodeid for item in marked}
+        assert [item.nodeid for item in marked if drawn(item, 3)] == runs[3]
+
+
+@pytest.mark.parametrize("marks", [[], ["real_time"], ["slow"], ["browser", "always"]])
+def test_what_does_not_sweep_is_in_every_draw(marks: list[str]) -> None:
+    item = cast(pytest.Item, Marked("tests/test_x.py::test_a", [getattr(pytest.mark, name).mark for name in marks]))
+    assert all(drawn(item, seed) for seed in range(50))
+
+
+@dataclass
+class Marked:
+    """A test with these marks."""
+
+    nodeid: str
+    marks: list[pytest.Mark]
+
+    def get_closest_marker(self, name: str) -> pytest.Mark | None:
+        return next((mark for mark in self.marks if mark.name == name), None)
+
+
 def test_a_lane_alone_is_told_as_it_goes() -> None:
     heard: list[bool] = []
     side_by_side([[lambda aloud: heard.append(aloud) or Result("a")]])
@@ -277,6 +339,7 @@ def test_a_part_without_browser_tests_starts_no_browser(chosen: str, found: list
     assert within(ALL[1], [chosen]) == found
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("asked", "complaint"),
     [

@@ -3,6 +3,8 @@
 import asyncio
 from pathlib import Path
 
+import pytest
+
 from tests.reloading import DEMO, M3, running
 
 
@@ -21,6 +23,7 @@ async def test_a_drive_that_cannot_be_simulated_is_listed_and_the_server_runs(tm
         await plant.until(lambda: plant.good("m1.frequency"))
 
 
+@pytest.mark.sweep(8)
 async def test_a_class_room_of_thirty_starts_and_polls_in_one_process(tmp_path: Path) -> None:
     text = DEMO[: DEMO.index("# Keeps running")] + M3.replace(
         "unit = 3", 'unit = 1\nrepeat = 30\nsimulation = { start = "forward" }'

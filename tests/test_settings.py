@@ -38,6 +38,7 @@ ABSENT = (
 """The same of what is not there, and may come."""
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("code", "settings", "said"), [*((78, *one) for one in WRONG), *((2, *one) for one in ABSENT)])
 def test_what_keeps_it_from_starting_is_one_line_and_its_code_says_whether_it_may_pass(
     tmp_path: Path, code: int, settings: dict[str, str], said: str
@@ -47,6 +48,7 @@ def test_what_keeps_it_from_starting_is_one_line_and_its_code_says_whether_it_ma
     assert said in refused.stderr and refused.stderr.count("\n") == 1
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "command", [["export", "--tags", "m1.speed"], ["user", "list"], ["backup", "b.tar"], ["check"]]
 )
@@ -144,6 +146,7 @@ def test_places_that_are_something_else_are_all_told_before_anything_is_made(tmp
     assert sorted(one.name for one in tmp_path.iterdir()) == ["folder", "loop", "pipe"]
 
 
+@pytest.mark.sweep(8)
 def test_where_copies_go_to_may_come_after_the_start(tmp_path: Path) -> None:
     """After a power cut a disk in the network, or the syslog, may be there later than the plant is needed."""
     said = {"audit_anchors": str(tmp_path / "disk" / "anchors"), "syslog": str(tmp_path / "log")}
@@ -157,6 +160,7 @@ def test_where_copies_go_to_may_come_after_the_start(tmp_path: Path) -> None:
     assert [line for line in told.stdout.splitlines() if "until it is" in line] != []
 
 
+@pytest.mark.sweep(8)
 def test_the_selftest_tells_the_same(tmp_path: Path) -> None:
     told = pogon(tmp_path / "data", "selftest", plant=tmp_path / "none", audit_anchors=tmp_path / "none" / "anchors")
     assert told.returncode == 1 and "Traceback" not in told.stderr

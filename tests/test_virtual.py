@@ -59,6 +59,7 @@ def test_work_for_threads_is_done_when_it_is_asked_for(loop: VirtualLoop) -> Non
         loop.run_until_complete(asyncio.to_thread(lambda: 1 // 0))
 
 
+@pytest.mark.sweep(20)
 def test_the_whole_house_lives_the_same_time_twice(tmp_path: Path) -> None:
     """The demo plant with its databases, links, alarms and recorder, from one seed."""
 

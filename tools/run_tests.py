@@ -1,7 +1,9 @@
-"""Run every stage of the tests, also after one that failed, and close with one line of counts (`make test`).
+"""Run every stage of the tests, also after one that failed, and close with one line of counts (`make test`, `make sweep`).
 
-    tools/run_tests.py [--seed N] [--jobs N] [--browsers N] [--together | --apart] [T ...] [-- arguments for pytest]
+    tools/run_tests.py [--all] [--seed N] [--jobs N] [--browsers N] [--together | --apart] [T ...] [-- arguments for pytest]
 
+Of the tests marked `sweep`, each of which is one of many and dear, a run without `--all` draws some by its seed, so that
+it takes minutes; whoever names files, folders or tests gets all of theirs.
 What lives in real time waits a lot: where nothing else runs it has more processes than there are cores, and behind
 it, with less right to the processor, runs what lives in virtual time and does not mind. Browsers compute: they run
 beside the others where there are several cores, after them where there are fewer. On a machine with something else
@@ -85,7 +87,7 @@ class Result:
 
 
 def stages(jobs: int, browsers: int, waiting: int) -> list[list[Stage]]:
-    """What `make test` runs: the lane in front and the one behind, each one stage after the other.
+    """What a run consists of: the lane in front and the one behind, each one stage after the other.
 
     `jobs` processes compute, `waiting` ones live in real time, `browsers` have a browser each.
     """
@@ -117,11 +119,14 @@ def stages(jobs: int, browsers: int, waiting: int) -> list[list[Stage]]:
 def main(arguments: Sequence[str]) -> int:
     options = _options(arguments)
     seed = options.seed if options.seed is not None else random.SystemRandom().getrandbits(32)
-    print(f"The order of the tests: make test SEED={seed}", flush=True)
+    again = f"make {'sweep' if options.all else 'test'} SEED={seed}"
+    print(f"The order of the tests: {again}", flush=True)
     began, extra = time.monotonic(), [f"--randomly-seed={seed}", f"--hypothesis-seed={seed}", *options.pytest]
     absent = [text for text in options.tests if not (ROOT / text.split("::")[0]).exists()]
     part = bool(options.tests) or any(text.startswith(("-k", "-m")) for text in options.pytest)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if not part and not options.all:
+        extra.append(f"--draw={seed}")
     room = not absent and not part and has_room(cores)
     together = room and cores >= SEVERAL if options.together is None else options.together
     jobs, waiting, browsers = widths(cores, room or together, options.jobs, options.browsers)
@@ -140,7 +145,7 @@ def main(arguments: Sequence[str]) -> int:
     if not any(any(result.counts) for result in results):
         results[0].went_wrong(f"no test matches {' '.join([*options.tests, *options.pytest])}")
     print(f"\nall: done in {time.monotonic() - began:.0f} s")
-    print(*report(results, seed), sep="\n", flush=True)
+    print(*report(results, again), sep="\n", flush=True)
     return 1 if any(result.failed for result in results) else 0
 
 
@@ -299,14 +304,14 @@ def count(sheet: Path, result: Result) -> str:
     return ""
 
 
-def report(results: Sequence[Result], seed: int) -> list[str]:
-    """What failed, how to run it again in the same order, and the closing line."""
+def report(results: Sequence[Result], again: str) -> list[str]:
+    """What failed, the command that runs it `again` in the same order, and the closing line."""
     lines = [""]
     for result in results:
         if result.complaints:
             lines += [f"{result.stage}:", *(f"  {complaint}" for complaint in result.complaints)]
     if len(lines) > 1:
-        lines += [f"In the same order: make test SEED={seed}", ""]
+        lines += [f"In the same order: {again}", ""]
     return [*lines, total(results)]
 
 
@@ -337,6 +342,7 @@ def _name(case: ElementTree.Element) -> str:
 def _options(arguments: Sequence[str]) -> argparse.Namespace:
     split = list(arguments).index("--") if "--" in arguments else len(arguments)
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--all", action="store_true", help="also every test marked sweep, of which else some are drawn")
     parser.add_argument("--seed", type=_number, help="order of the tests, and what they draw; another one each time")
     parser.add_argument("--jobs", type=_number, help="processes for the tests without a browser; as many as cores")
     parser.add_argument("--browsers", type=_number, help="browsers at once; as many as cores")

@@ -340,6 +340,7 @@ async def test_the_session_of_before_stands_until_the_code(access: Access, clock
     assert await who(access, fresh)
 
 
+@pytest.mark.sweep(8)
 async def test_no_more_than_a_number_of_sign_ins_wait(access: Access, clock: ManualClock) -> None:
     await with_factor(access, clock)
     tickets = [await half_in(access) for _ in range(MOST_HALF + 3)]

@@ -1,10 +1,13 @@
 """Nothing is lost on the way to the journal, and nobody waits for it."""
 
+import pytest
+
 from app.errors import StorageError
 from app.tags.batch import Batch
 from tests.alarms.conftest import ANA, HOT, TRIP, Plot
 
 
+@pytest.mark.sweep(8)
 async def test_a_thousand_alarms_at_once_are_all_in_the_journal(plot: Plot) -> None:
     machines = [f"m{index}" for index in range(1000)]
     engine = await plot.begin(TRIP, machines=machines)

@@ -22,6 +22,7 @@ def test_keys_are_only_in_it_when_asked_for(data: Path, plant: Path, tmp_path: P
     assert all(secret in (tmp_path / "k.tar").read_bytes() for secret in secrets)
 
 
+@pytest.mark.sweep(8)
 def test_a_backup_is_taken_while_the_databases_are_written(data: Path, plant: Path, tmp_path: Path) -> None:
     history = Database(data / "history.db", "history", inline)
     for i in range(5):

@@ -134,6 +134,7 @@ def test_writes_that_cannot_be_found_refuse_the_restore(data: Path, tmp_path: Pa
     assert not (tmp_path / "new" / "pogon.db").exists()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["kill", "full"])
 def test_a_restore_leaves_the_old_or_the_new_at_every_step(data: Path, plant: Path, tmp_path: Path, kind: str) -> None:

@@ -41,6 +41,7 @@ def test_ten_small_scans_are_one_large_one(
             assert abs(coarse.speed - before) <= max(acceleration, deceleration) * 0.01 * (1 + 1e-9)
 
 
+@pytest.mark.sweep(8)
 @given(st.floats(-700, 700), st.sampled_from([44.0, 165.1]))
 def test_way_to_standstill_is_what_a_stop_covers(speed: float, deceleration: float) -> None:
     ramp, x = Ramp(100.0, deceleration, speed), 0.0

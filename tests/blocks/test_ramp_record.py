@@ -34,6 +34,7 @@ def last(record: RampRecord) -> Moment:
     return list(curve(record.speed, record.acceleration, record.phases))[-1]
 
 
+@pytest.mark.sweep(8)
 @given(LIMITS, st.floats(-100, 100).filter(lambda speed: abs(speed) > 0.01))
 def test_start_and_stop_are_three_phases_that_end_at_the_target(limits: tuple[float, float], target: float) -> None:
     belt = Belt(*limits)

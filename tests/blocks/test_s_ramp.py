@@ -106,6 +106,7 @@ def test_arrives_exactly_in_the_time_of_the_formula(
     assert (cycles + 1) * 0.01 >= expected - 1e-6
 
 
+@pytest.mark.sweep(8)
 @given(
     SPEEDS,
     SPEEDS,

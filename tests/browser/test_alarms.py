@@ -44,6 +44,7 @@ PRESSES = """async () => {
 """What is pressed on a list, and whether it is asked for anew meanwhile."""
 
 
+@pytest.mark.always
 def test_an_alarm_comes_to_every_page_by_itself_and_is_acknowledged_there(operator: Operator) -> None:
     page = operator.page
     operator.go("/equipment/m2")

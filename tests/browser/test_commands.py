@@ -65,6 +65,7 @@ def settled(server: PogonServer, page: Page, command: str, least: int) -> int:
 # ---- start, reverse, stop -------------------------------------------------------------------------------------
 
 
+@pytest.mark.always
 def test_a_start_is_asked_accepted_and_confirmed_and_the_speed_rises(sit: Sit) -> None:
     page, other = sit("ana"), sit()
     expect(page.locator("[data-command='m1.forward'] small")).to_have_text("Take control first")
@@ -273,6 +274,7 @@ def test_a_press_is_not_lost_when_nothing_of_what_is_pressed_changes(sit: Sit) -
     expect(page.locator(".token").first).to_have_attribute("data-holding", "mine")
 
 
+@pytest.mark.always
 def test_two_operators_ask_refuse_and_hand_over(sit: Sit) -> None:
     ana, ivo = sit("ana"), sit("ivo")
     take(ana)
@@ -357,6 +359,7 @@ def test_m1_says_why_it_cannot_be_held(sit: Sit) -> None:
     expect(button).to_contain_text("F905")
 
 
+@pytest.mark.always
 def test_m2_moves_while_it_is_held_and_stops_at_release(sit: Sit) -> None:
     page = sit("ana", "/equipment/m2")
     take(page)
@@ -570,6 +573,7 @@ def test_new_values_are_reviewed_as_soon_as_the_server_is_back_and_discarded_on_
 # ---- a lost server, a keyboard ------------------------------------------------------------------------------------
 
 
+@pytest.mark.always
 def test_without_the_server_every_command_is_refused_here_but_stop_tries_and_tells(
     sit: Sit, server: PogonServer
 ) -> None:

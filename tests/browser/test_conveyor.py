@@ -97,6 +97,7 @@ def drawn(page: Page, product: str = "") -> list[dict[str, Any]]:
     return [one for one in found if product in ("", one["id"])]
 
 
+@pytest.mark.always
 def test_a_product_goes_from_entry_to_unloading_without_a_jump(sit: Sit) -> None:
     page = sit(reduced_motion=GLIDES)
     run(page)

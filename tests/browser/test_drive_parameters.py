@@ -38,6 +38,7 @@ def order(page: Page, action: str) -> None:
     form.locator("button").click()
 
 
+@pytest.mark.always
 def test_one_writes_and_saves_while_the_other_reads(sit: Sit) -> None:
     page, other = sit(), sit("petra")
     take(page)

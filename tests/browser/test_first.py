@@ -17,6 +17,7 @@ def server(tmp_path: Path) -> Iterator[PogonServer]:
         yield running
 
 
+@pytest.mark.always
 def test_all_of_it_is_seen_on_a_desk_in_every_language(page: Page, server: PogonServer) -> None:
     for lang in LANGUAGES:
         speak(page, lang, server.url)

@@ -682,6 +682,7 @@ def test_a_page_looks_alive_only_when_all_of_it_answers_to_a_press(page: Page, s
     expect(page.locator("body")).to_have_attribute("data-live", "live")
 
 
+@pytest.mark.always
 def test_values_move_on_a_real_server(page: Page, server: PogonServer) -> None:
     page.goto(f"{server.url}/equipment/m1")
     live(page)
@@ -723,6 +724,7 @@ def test_nine_tabs_of_one_browser_stay_live(browser: Browser, server: PogonServe
     context.close()
 
 
+@pytest.mark.always
 def test_a_killed_server_is_noticed_within_three_seconds_and_found_again(
     page: Page, pogon_server: Callable[..., PogonServer], tmp_path: Path
 ) -> None:

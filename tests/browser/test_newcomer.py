@@ -99,6 +99,7 @@ def inject(hand: Hand, machine: str, fault: int) -> None:
     hand.press("form[action$='/fault'] .edge")
 
 
+@pytest.mark.always
 @pytest.mark.timeout(600)
 def test_a_newcomer_gets_from_an_empty_folder_to_a_first_out_with_few_presses(
     page: Page, server: PogonServer, tmp_path: Path

@@ -66,6 +66,7 @@ def stands_at(page: Page, millimetres: str) -> None:
     expect(page.locator(".ax-now [data-tag='a1.position']")).to_contain_text(millimetres, timeout=30_000)
 
 
+@pytest.mark.always
 def test_an_axis_is_moved_to_a_target_and_by_a_distance_slowed_stopped_and_resumed(sit: Sit) -> None:
     page = at_the_axis(sit)
     stands_at(page, "400.000")

@@ -67,6 +67,7 @@ def begin(page: Page) -> None:
     expect(page.locator(".seqt [aria-selected=true]")).to_have_count(1, timeout=30_000)
 
 
+@pytest.mark.always
 @pytest.mark.timeout(300)  # a minute on an idle machine
 def test_a_coil_is_carried_from_the_mandrel_to_a_saddle(sit: Sit) -> None:
     page = sit(reduced_motion="no-preference")

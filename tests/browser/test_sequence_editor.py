@@ -22,6 +22,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
         yield running
 
 
+@pytest.mark.always
 def test_fields_and_text_follow_one_another_and_a_mistake_stands_at_its_field(sit: Sit) -> None:
     page = sit()
     page.fill("[name=minimum]", "much")

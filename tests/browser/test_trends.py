@@ -264,6 +264,7 @@ def test_a_press_on_the_curves_sets_a_ruler_and_opens_nothing(page: Page, server
     expect(page.locator("[data-trend][data-state=ready]")).to_be_attached()
 
 
+@pytest.mark.always
 def test_two_rulers_give_the_numbers_between_them(page: Page, server: PogonServer) -> None:
     show(page, server, "tags=m1.speed,m1.frequency_setpoint&span=8h")
     reload_of(page, page.locator("[data-rulers]").click)

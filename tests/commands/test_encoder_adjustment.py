@@ -220,6 +220,7 @@ async def _nothing(line: object) -> bool:
     return False
 
 
+@pytest.mark.sweep(8)
 async def test_saving_after_it_is_its_last_step_and_a_save_before_is_not() -> None:
     async with axis() as it:
 
@@ -244,6 +245,7 @@ async def test_saving_after_it_is_its_last_step_and_a_save_before_is_not() -> No
         assert now(it) == (3, HERE, HERE)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("former", [1, 3])
 @pytest.mark.parametrize("seconds", [3.0, 40.0])
 async def test_the_line_is_cut_at_every_telegram(former: int, seconds: float) -> None:

@@ -22,6 +22,7 @@ FAULTS = tuple(range(4, 27))
 # who may
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("status", [0, 1, 2, *FAULTS])
 async def test_every_command_in_every_state_for_every_person(status: int) -> None:
     """The sweep: what must never be written is not, whoever asks; what is refused names a reason that why_not named before."""

@@ -32,6 +32,7 @@ class Axis(Pump):
         await self.until(lambda: self.value("zsw1_target_position_reached") == 1 and self.value("running") == 0)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("transport", TRANSPORTS)
 async def test_a_day_of_the_axis_over_every_transport(transport: str) -> None:
     async with pump(transport, Axis, p2585=-6000, p2586=6000) as it:

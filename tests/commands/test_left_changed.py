@@ -56,6 +56,7 @@ def jogged(browser: VirtualClient, seconds: float) -> None:
     browser.pass_time(left)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("seconds", "stays"), [(0.01, True), (0.6, True), (1.1, True), (2.0, True), (3.05, True), (9.0, False)]
 )

@@ -39,6 +39,7 @@ class Line(Stand):
         return None if fate < 0.3 or fate > 0.9 else self.chance.choice(ERRORS)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.slow
 @pytest.mark.parametrize("writes", WRITES)
 async def test_thousands_of_writes_without_one_false_success(writes: int) -> None:

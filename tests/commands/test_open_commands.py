@@ -66,6 +66,7 @@ def written(runtime: Runtime) -> list[str]:
     return sent
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("machine", "key", "value"), ORDERS)
 def test_a_command_that_a_killed_server_left_open_is_told_once_and_not_repeated(
     tmp_path: Path, machine: str, key: str, value: str | None

@@ -117,6 +117,7 @@ def alarmed(runtime: Runtime) -> bool:
     return any(one.id == "sys.set_mixed.d2" and one.life.active for one in runtime.alarms.list.active())
 
 
+@pytest.mark.sweep(8)
 def test_at_every_telegram_the_drive_is_read_again_and_what_it_holds_is_told(tmp_path: Path, kills: list[Kill]) -> None:
     followed = set()
     for number, killed in enumerate(kills):
@@ -139,6 +140,7 @@ def test_at_every_telegram_the_drive_is_read_again_and_what_it_holds_is_told(tmp
     assert {FOUND_NEW, FOUND_OLD} <= followed
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("values", [(7.5, 6.0, 1500.0), (5.0, 8.0, 1400.0), (3.0, 6.0, 1500.0)])
 def test_a_mixed_state_is_an_alarm_that_names_the_values_and_is_told_once(
     tmp_path: Path, kills: list[Kill], values: tuple[float, ...]

@@ -79,6 +79,7 @@ def alarmed(runtime: Runtime) -> bool:
     return any(one.id == "sys.set_mixed.m1" and one.life.active for one in runtime.alarms.list.active())
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("values", "reason"),
     [
@@ -115,6 +116,7 @@ def test_a_set_that_a_killed_server_left_open_is_told_by_what_the_device_holds(
         assert len(browser.run(found(runtime_of(browser)))) == 2, "told once"
 
 
+@pytest.mark.sweep(8)
 def test_a_set_that_was_over_is_not_open_after_a_restart(tmp_path: Path) -> None:
     left = killed(tmp_path, 8.0)
     with house(Settings(plant=plant_of(tmp_path / "after", *WANTED), data=left)) as browser:

@@ -333,6 +333,7 @@ async def test_who_lost_control_while_it_was_written_down_saves_nothing() -> Non
         assert not it.drive.model.saving
 
 
+@pytest.mark.sweep(8)
 async def test_a_save_that_is_never_over_or_never_answered_is_not_told_as_done() -> None:
     async with drive() as it:
         nonce = it.gate.nonces.issue(EVA.session)

@@ -22,6 +22,7 @@ def told(hall: Hall, way: str) -> float:  # noqa: F811
     return float(interlocks.effect(hall.plant.equipment["m2"].type.commands[way], look)[1]["time"])
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("hall", "takes"), [(SLOW, 24), (TO_HIGHEST, 60)], indirect=["hall"])
 async def test_a_stop_and_both_reversals_are_confirmed_when_the_ramp_has_ended(hall: Hall, takes: float) -> None:  # noqa: F811
     await hall.ask("forward")

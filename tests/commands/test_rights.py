@@ -160,6 +160,7 @@ async def test_control_is_free_and_nothing_is_handed_to_somebody_without_the_rig
         control.take(ANA, "m2")
 
 
+@pytest.mark.sweep(8)
 async def test_orders_that_were_armed_and_never_begun_are_forgotten() -> None:
     stand = Stand()
     for _ in range(5):

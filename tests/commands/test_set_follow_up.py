@@ -104,6 +104,7 @@ async def test_a_cable_that_is_out_for_a_moment_leaves_all_former_values_or_all_
     is_true(stand, done)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("at", range(3))
 @pytest.mark.parametrize("heard", [True, False], ids=["heard", "unheard"])
 async def test_a_cable_that_stays_out_leaves_what_is_not_known_and_it_is_told_when_it_is_back(

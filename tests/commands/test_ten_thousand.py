@@ -299,6 +299,7 @@ def examine(hall: Hall, writes: int) -> None:
     assert tally.refusals["why.rate"] == 0
 
 
+@pytest.mark.sweep(20)
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("writes", WRITES)

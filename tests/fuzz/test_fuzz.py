@@ -17,6 +17,7 @@ SWEPT = (("epos", 1, 150), ("feeding", 4, 120))
 """Plant, seed, requests."""
 
 
+@pytest.mark.sweep(20)
 @pytest.mark.parametrize(("plant", "seed", "count"), SWEPT)
 def test_nothing_that_is_sent_breaks_a_page(plant: str, seed: int, count: int) -> None:
     verdict = explore(seed, plant, count)
@@ -27,6 +28,7 @@ def test_nothing_that_is_sent_breaks_a_page(plant: str, seed: int, count: int) -
     assert taken["POST"] > count / 15 and taken["GET "] > count, "what everybody is refused tells nothing"
 
 
+@pytest.mark.sweep(8)
 def test_every_route_is_known_by_what_is_served() -> None:
     """Forms, fields and addresses are found, not written down: of each kind of way in there is a request."""
     routes = known("feeding")
@@ -83,6 +85,7 @@ def test_a_form_is_filled_in_as_a_browser_would() -> None:
         assert ("reason", "one\r\ntwo") in sent and dict(sent)["n"] in ("2", "9") and dict(sent)["class"] in "ab"
 
 
+@pytest.mark.sweep(20)
 def test_who_goes_to_a_page_and_fills_in_its_form_gets_past_the_door(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tests.fuzz.walking.BROKEN", 0.0)
     verdict = explore(3, "feeding", 80, ("definition", "instructor", "lessons"))
@@ -93,6 +96,7 @@ def test_who_goes_to_a_page_and_fills_in_its_form_gets_past_the_door(monkeypatch
     assert posts[True] > posts[False] and posts[True] > 20
 
 
+@pytest.mark.sweep(8)
 def test_a_seed_that_fails_is_told_by_the_one_request_that_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     known("epos")
     monkeypatch.setattr("app.web.favourites.Refused", lambda *_, **__: ZeroDivisionError("nobody thought of it"))
@@ -104,6 +108,7 @@ def test_a_seed_that_fails_is_told_by_the_one_request_that_is_needed(monkeypatch
     assert "POST /favourites  csrf=" in told(verdict, "POST /favourites: 500")
 
 
+@pytest.mark.sweep(20)
 def test_the_mistake_that_began_this_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """As it was: one NaN in a setpoint, and nobody could look at the audit any more."""
     known("epos")

@@ -41,6 +41,7 @@ def first_by_hand(rows: list[RawRow], begin: int, end: int, value: float) -> int
     raise AssertionError(f"{value} never held")
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=120, deadline=None)
 @given(histories(), st.integers(-HOUR, 2 * HOUR), st.one_of(st.integers(1, 3 * HOUR), st.just(100 * HOUR)))
 def test_low_high_mean_and_good_time_are_those_of_the_samples(rows: list[RawRow], shift: int, length: int) -> None:

@@ -113,6 +113,7 @@ async def test_a_machine_of_which_nothing_is_made_keeps_its_events_and_one_witho
     assert made.last("p1") is not None and made.last("p2") is None
 
 
+@pytest.mark.sweep(8)
 async def test_redelivery_after_a_crash_changes_nothing(history: Database) -> None:
     """Killed between the commit and the acknowledgement, at every place, with portions cut anywhere, over restarts of the device."""
     source = random.Random(11)
@@ -300,6 +301,7 @@ async def test_an_id_that_was_given_again_belongs_to_the_later_command(history: 
     assert [e.person for e in stored(history)] == ["", "Ana Kos"]
 
 
+@pytest.mark.sweep(8)
 async def test_a_full_disk_stops_nothing_and_nothing_is_missing_afterwards(tmp_path: Path) -> None:
     database = Database(tmp_path / "history.db", "history", inline)
     database.migrate()
@@ -359,6 +361,7 @@ async def test_a_machine_that_is_renamed_keeps_its_events_without_a_row_being_wr
     assert sequences(history, "p1") == []
 
 
+@pytest.mark.sweep(8)
 def test_an_event_costs_little(history: Database) -> None:
     """A day of the demo plant may take 50 MB."""
     ring = Ring()

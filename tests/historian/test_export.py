@@ -205,6 +205,7 @@ def test_a_row_of_each_shift_says_when_it_ends_which_it_is_and_how_long(
     assert {row["good_percent"] for row in found} == {"100"}
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=80, deadline=None)
 @given(histories(), st.integers(-HOUR, HOUR), st.sampled_from([1, 7, 60, 900, 3600, 86400]), st.integers(1, 60))
 def test_aggregates_are_what_a_recomputation_gives(rows: list[RawRow], shift: int, seconds: int, many: int) -> None:
@@ -281,6 +282,7 @@ def test_the_limit_of_rows_is_kept_and_told() -> None:
         assert made.complete
 
 
+@pytest.mark.sweep(8)
 def test_a_long_export_needs_no_more_memory_than_a_short_one(history: Database) -> None:
     def fill_in(connection: Connection) -> None:
         store.register(connection, [point(), point("m1.current")])

@@ -36,6 +36,7 @@ class Told:
             pass
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=80, deadline=None)
 @given(histories(), histories(), st.data())
 def test_they_are_what_a_recomputation_over_all_rows_gives(

@@ -39,6 +39,7 @@ def bits(rows: list[Sample]) -> list[object]:
     return [(t, None if v is None else struct.pack("d", v), s, q) for t, v, s, q in rows]
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=300, deadline=None)
 @given(series(), st.data())
 def test_samples_come_out_as_they_were(rows: list[Sample], data: st.DataObject) -> None:

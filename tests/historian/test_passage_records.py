@@ -326,6 +326,7 @@ async def test_a_command_that_never_had_an_event_is_forgotten(kept: Records) -> 
     assert kept._commands == []
 
 
+@pytest.mark.sweep(8)
 async def test_a_full_disk_stops_nothing_and_nothing_is_missing_afterwards(tmp_path: Path) -> None:
     database = Database(tmp_path / "history.db", "history", inline)
     database.migrate()

@@ -92,6 +92,7 @@ def test_where_nothing_held_for_longer_than_a_column_the_line_is_broken(
             assert held_at(rows, edge) is not None, (t0, edge, t1)
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=100, deadline=None)
 @given(questions())
 def test_a_value_that_held_is_drawn_wherever_it_held(question: tuple[list[RawRow], int, int, int, int]) -> None:

@@ -38,6 +38,7 @@ def fits(kind: Any, one: Record, name: str, asked: float | str) -> bool:
     return value not in (None, "") if asked == ANY else value == asked
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", [PASSAGE, RUN, FORCE], ids=lambda kind: kind.name)
 def test_filters_and_pages_are_those_of_brute_force(history: Database, kind: Any) -> None:
     fill(history)
@@ -98,6 +99,7 @@ def check_times(history: Database, kind: Any, wanted: RecordFilter, fitting: Seq
     assert (spread.least, spread.most, spread.last) == ((min(done), max(done), done[0]) if done else (None, None, None))
 
 
+@pytest.mark.sweep(8)
 def test_one_can_choose_from_what_ever_stopped_a_run(history: Database) -> None:
     fill(history)
     for equipment in ("seq1", "seq2"):

@@ -70,6 +70,7 @@ def in_time(steps: list[tuple[int, float]]) -> list[tuple[int, float]]:
     return out
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=400, deadline=None)
 @example([(1, -1), (500_000, 1.5), (700_000, 0.0), (1, 0.0)], 2.0)
 @example([(1, -1), (1_000_000, 1.5), (1, 0.0)], 2.0)

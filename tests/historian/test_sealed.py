@@ -54,6 +54,7 @@ def close(one: Aggregate, two: Aggregate) -> bool:
     return same and (one.mean or 0.0) == pytest.approx(two.mean or 0.0, rel=1e-9, abs=1e-3)
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=100, deadline=None)
 @given(histories(), histories(), st.data())
 def test_every_question_has_the_answer_that_it_had_before(

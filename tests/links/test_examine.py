@@ -148,6 +148,7 @@ async def test_a_register_that_is_refused_with_any_code_takes_no_other_with_it(c
         await until(lambda: line.value("m.v7") == 7)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("code", [2, 4])
 async def test_registers_that_it_had_answered_are_good_two_seconds_after_they_are_answered_again(code: int) -> None:
     device = RegisterDevice({n: n for n in range(30)})

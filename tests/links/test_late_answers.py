@@ -1,5 +1,6 @@
 """How a read is asked for while older answers may still come."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -24,6 +25,7 @@ def owing(sizes: list[int], now: float) -> LateAnswers:
     return late
 
 
+@pytest.mark.sweep(8)
 @given(blocks(), SIZES, st.lists(st.tuples(st.integers(0, 60_000), st.integers(1, 125)), max_size=4))
 def test_the_telegrams_bring_all_words_in_lengths_that_nobody_owes_and_tear_no_value(
     block: Block, sizes: list[int], spans: list[tuple[int, int]]
@@ -56,6 +58,7 @@ def test_what_is_owed_is_forgotten_in_the_end_and_never_concerns_others(block: B
     assert [p.block for p in late.pieces(1, block, LATEST + 0.1)[0]] == whole
 
 
+@pytest.mark.sweep(8)
 @given(st.integers(1, 2000), st.lists(st.integers(1, 2000), max_size=12), st.integers(0, 60_000))
 def test_bits_are_asked_for_in_as_many_bytes_as_nobody_owes(count: int, sizes: list[int], address: int) -> None:
     late = LateAnswers()

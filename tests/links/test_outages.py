@@ -80,6 +80,7 @@ async def back_after(kind: str, mode: LineFaultMode, seconds: float, *, beside: 
         return await until(lambda: is_good(made.quality("m1.v0")) and made.value("m1.v0") == 9)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("beside", [False, True])
 @pytest.mark.parametrize("kind", KINDS)
 async def test_a_unit_is_back_within_two_seconds_whatever_was_wrong_and_however_long(kind: str, beside: bool) -> None:
@@ -94,6 +95,7 @@ PARTS = (range(25), range(12, 25), (0,), (3, 17))
 """Registers that are refused for a while."""
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 async def test_registers_that_were_refused_for_a_while_are_back_within_two_seconds(kind: str) -> None:
     took = await asyncio.gather(
@@ -119,6 +121,7 @@ async def back_after_refusals(
         )
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("code", [2, 3])
 async def test_a_device_that_refused_at_random_for_a_while_is_read_in_large_pieces_again(kind: str, code: int) -> None:
@@ -355,6 +358,7 @@ async def test_a_simulated_device_whose_first_looks_are_lost_is_marked_when_it_s
     await server.close()
 
 
+@pytest.mark.sweep(8)
 async def test_a_device_that_says_nothing_of_these_registers_is_not_asked_for_ever() -> None:
     device, asked = RegisterDevice({0: 7}), list[float]()
 

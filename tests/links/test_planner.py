@@ -98,6 +98,7 @@ spans_strategy = st.lists(st.tuples(st.integers(0, 300), st.sampled_from([1, 1, 
 ranges = st.lists(st.tuples(st.integers(0, 300), st.integers(0, 5)).map(lambda r: (r[0], r[0] + r[1])), max_size=4)
 
 
+@pytest.mark.sweep(8)
 @given(spans_strategy, st.integers(4, 125), ranges, ranges, st.sampled_from([NETWORK_OVERHEAD, 10.0, 18.0]))
 @settings(max_examples=200, deadline=None)
 def test_every_readable_point_is_in_one_block_within_limits_and_outside_holes(
@@ -122,6 +123,7 @@ def test_every_readable_point_is_in_one_block_within_limits_and_outside_holes(
         assert any(p.register.address <= b and a <= last for a, b in (*holes, *bad))
 
 
+@pytest.mark.sweep(8)
 @given(st.sets(st.integers(0, 40), min_size=1, max_size=8), st.integers(1, 12), st.sampled_from([2.0, 5.0, 1000.0]))
 @settings(max_examples=200, deadline=None)
 def test_no_other_cut_is_cheaper(addresses: set[int], limit: int, cost: float) -> None:

@@ -82,6 +82,7 @@ async def test_time_on_the_wire_is_not_taken_from_the_patience_of_the_device() -
 # ---- answers that come late --------------------------------------------------------------------------------
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("in_order", "wanted"),

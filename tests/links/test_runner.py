@@ -166,6 +166,7 @@ async def test_a_connection_that_goes_deaf_while_others_are_answered_is_opened_a
     await server.close()
 
 
+@pytest.mark.sweep(8)
 async def test_a_device_that_takes_more_connections_than_it_serves_is_read_over_those_that_it_serves() -> None:
     device = RegisterDevice({n: n for n in range(300)})
     server = HardOfHearing(Bus({1: device}))

@@ -195,6 +195,7 @@ class Frozen:
         device.step, device.write = stepped, heard  # type: ignore[method-assign, assignment]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seconds", [0.5, 3.0, 8.0, 40.0])
 async def test_a_program_that_stands_still_in_the_commit_is_not_believed(kind: str, seconds: float) -> None:

@@ -106,6 +106,7 @@ def test_points_and_alarms_of_a_machine_are_named(demo: Plant) -> None:
     assert [effect.key for effect in change.effects] == ["history_kept", "alarms_closed"]
 
 
+@pytest.mark.sweep(8)
 def test_the_digest_stands_for_exactly_these_changes(demo: Plant, tmp_path: Path) -> None:
     one = compare(demo, read(tmp_path, DEMO.replace("unit = 2", "unit = 9")))
     other = compare(demo, read(tmp_path, DEMO.replace("unit = 2", "unit = 8")))

@@ -27,6 +27,7 @@ def test_every_condition_of_a_type_has_a_text_for_what_holds_and_one_for_what_is
             )
 
 
+@pytest.mark.sweep(8)
 def test_there_are_conditions() -> None:
     assert sum(len(types.read_type(name, LANGUAGES)[0].type.permissives) for name in TYPES) > 50
 

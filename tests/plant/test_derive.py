@@ -69,6 +69,7 @@ def test_options_are_points(plant: Plant) -> None:
     assert run(Derivation(plant), START)["rated_current"] == (2.5, GOOD)
 
 
+@pytest.mark.sweep(8)
 def test_running_hours_follow_the_times_and_never_the_number_of_calls(plant: Plant) -> None:
     once, often = Derivation(plant), Derivation(plant)
     for derivation in (once, often):
@@ -187,6 +188,7 @@ def test_counters_can_be_set_back_and_nothing_else(plant: Plant) -> None:
         derivation.reset("m1.speed")
 
 
+@pytest.mark.sweep(8)
 @given(st.lists(st.tuples(st.integers(0, 2 * HOUR), st.sampled_from([0, 1, 2, 9])), max_size=20))
 def test_hours_are_the_time_that_was_spent_running(steps: list[tuple[int, int]]) -> None:
     assert _plant is not None

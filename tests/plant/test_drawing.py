@@ -102,6 +102,7 @@ def test_size_depth_elements_and_what_use_repeats_are_bounded() -> None:
     assert "elements" in mistake(f"<g id='a'>{'<g/>' * 99}</g>" + "<use href='#a'/>" * 50)
 
 
+@pytest.mark.sweep(8)
 def test_whatever_becomes_of_a_drawing_nothing_but_what_is_allowed_is_left() -> None:
     chance = random.Random(7)
     pieces = [

@@ -145,6 +145,7 @@ def test_a_mistake_is_named_where_it_stands() -> None:
         parse("a > 1 + b ** 2")
 
 
+@pytest.mark.sweep(8)
 @given(st.text(max_size=60))
 def test_no_text_does_anything_but_parse_or_be_refused(text: str) -> None:
     try:

@@ -226,6 +226,7 @@ MISTAKES: dict[str, Callable[[int], str]] = {
 }
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("mistake", MISTAKES.values(), ids=MISTAKES)
 @pytest.mark.parametrize("many", [STOP_AT + 500, 15_000])
 def test_reading_stops_when_it_is_not_worth_it(tmp_path: Path, mistake: Callable[[int], str], many: int) -> None:
@@ -234,6 +235,7 @@ def test_reading_stops_when_it_is_not_worth_it(tmp_path: Path, mistake: Callable
         assert str(problems[-1]).startswith(f"and {STOP_AT - MOST_PROBLEMS} more, and the rest")
 
 
+@pytest.mark.sweep(20)
 @pytest.mark.slow
 def test_five_thousand_machines_are_one_line(tmp_path: Path) -> None:
     links = "".join(f'[links.l{k}]\ntransport = "memory"\n' for k in range(21))
@@ -242,6 +244,7 @@ def test_five_thousand_machines_are_one_line(tmp_path: Path) -> None:
     assert f"more than {MOST_MACHINES} machines" in one(write(tmp_path, text))
 
 
+@pytest.mark.sweep(8)
 def test_a_reload_with_a_pipe_in_the_plant_is_answered(tmp_path: Path) -> None:
     """In a process of its own and with an end to its time and memory: nothing else proves that it does not hang."""
     os.mkfifo(tmp_path / "plant.toml")

@@ -2,6 +2,8 @@
 
 import re
 
+import pytest
+
 from app.plant import types
 from app.plant.plant_files.languages import LANGUAGES
 from app.plant.texts import Texts
@@ -18,6 +20,7 @@ def test_no_page_is_stale_and_no_type_lacks_one() -> None:
         assert path.read_text("utf-8") == text, f"{path.name} is stale: make registers"
 
 
+@pytest.mark.sweep(8)
 def test_the_same_data_make_the_same_page() -> None:
     assert registers.pages() == registers.pages()
 
@@ -66,6 +69,7 @@ def test_every_word_of_an_image_is_said_to_be_something() -> None:
         assert said == set(range(begin, begin + words))
 
 
+@pytest.mark.sweep(8)
 def test_the_header_has_the_words_and_types_that_a_device_sends() -> None:
     sent = {"H": ("u16", 1), "I": ("u32", 2), "Q": ("u64", 4)}
     at, device = 0, {}

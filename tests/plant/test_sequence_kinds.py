@@ -72,6 +72,7 @@ def fields(path: str) -> Iterator[tuple[str, dict[str, str]]]:
     yield "0", {"sequence.label.hr": "Niz", "sequence.stall_after": "3", "abort.0.when": "1 == 1", "abort.0.bit": "²"}
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("path", PATHS)
 def test_a_value_of_another_kind_is_told_and_nothing_falls_over_it(path: str) -> None:
     for other in OTHERS:

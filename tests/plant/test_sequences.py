@@ -157,6 +157,7 @@ def test_a_plant_without_the_folder_says_that_it_has_none(tmp_path: Path) -> Non
     assert [problem.expected for problem in problems] == ["a file of sequences/: one of none"]
 
 
+@pytest.mark.sweep(8)
 def test_fifty_sequences_of_eight_steps_are_read_quickly(tmp_path: Path) -> None:
     bits = "".join(
         f'[steps.permissives.{bit}]\nlabel = {{ hr = "a", en = "b" }}\nwhen = "pressure > {bit}"\n' for bit in range(16)

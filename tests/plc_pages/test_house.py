@@ -138,6 +138,7 @@ def ready(plc: PagePlc) -> None:
     plc.does = {"start_automatic": start, "stop": stop, "commit": lambda: "settings_changed"}
 
 
+@pytest.mark.sweep(8)
 def test_a_line_is_started_and_stopped_set_and_told_of(
     client: VirtualClient, plcs: dict[str, PagePlc], ivo: Operator
 ) -> None:

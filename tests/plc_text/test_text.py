@@ -30,6 +30,7 @@ def units(path: Path) -> list[str]:
     return [one[0] for one in plc_text._UNIT.finditer(path.read_text("utf-8"))]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*plc_text.HAND, "sequence"])
 def test_it_is_structured_text(name: str) -> None:

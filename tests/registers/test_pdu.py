@@ -182,6 +182,7 @@ def test_masks_that_no_telegram_can_carry_are_refused(words: tuple[int, ...]) ->
         build_request(Request(22, write_address=4, words=words))
 
 
+@pytest.mark.sweep(8)
 @given(st.lists(st.integers(0, 1), min_size=1, max_size=1968), st.integers(0, 60_000))
 def test_bits_go_there_and_back(bits: list[int], address: int) -> None:
     write = Request(15, write_address=address, words=tuple(bits))

@@ -77,6 +77,7 @@ async def test_without_a_plant_nothing_is_computed(hall: Hall) -> None:
     assert all(hall.tags.value(hall.tags.handle(name)) is None for name in hall.derivation.names)
 
 
+@pytest.mark.sweep(8)
 async def test_hours_run_with_time_and_go_on_after_a_restart(hall: Hall, database: Database, tmp_path: Path) -> None:
     hall.take()
     run_for(hall, 3600)
@@ -132,6 +133,7 @@ async def test_starts_are_kept_when_the_server_is_killed_soon_after(
     assert again.tags.value(again.tags.handle("m1.starts")) == 2
 
 
+@pytest.mark.sweep(8)
 async def test_the_hours_of_a_motor_that_stopped_are_kept_to_the_second(
     hall: Hall, database: Database, tmp_path: Path
 ) -> None:
@@ -143,6 +145,7 @@ async def test_the_hours_of_a_motor_that_stopped_are_kept_to_the_second(
     assert value == pytest.approx(2.0, abs=1e-6)
 
 
+@pytest.mark.sweep(8)
 async def test_a_counter_that_was_set_back_stays_so(hall: Hall, database: Database, tmp_path: Path) -> None:
     hall.take()
     run_for(hall, 3600)

@@ -89,6 +89,7 @@ async def compared(runtime: Runtime, sim: SimPlant) -> None:
             assert abs(value(f"d{unit}.power") - power) <= CLOSE * power + 0.05, (name, load)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("transport", ["memory", "tcp", "rtu"])
 async def test_what_is_shown_is_what_the_circuit_says(tmp_path: Path, transport: str) -> None:
     if transport == "memory":

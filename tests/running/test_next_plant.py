@@ -11,6 +11,7 @@ from app.tags.quality import is_good
 from tests.reloading import DEMO, M3, running
 
 
+@pytest.mark.sweep(8)
 async def test_a_machine_is_added_and_its_neighbour_on_the_same_link_notices_nothing(tmp_path: Path) -> None:
     async with running(tmp_path) as plant:
         runtime = plant.runtime
@@ -43,6 +44,7 @@ async def test_a_machine_is_added_and_its_neighbour_on_the_same_link_notices_not
         assert runtime.tags.sample("m3.f114").value == 7.0
 
 
+@pytest.mark.sweep(8)
 async def test_a_clock_that_was_set_while_a_machine_is_taken_away_keeps_nobody_from_being_told(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -67,6 +69,7 @@ async def test_a_clock_that_was_set_while_a_machine_is_taken_away_keeps_nobody_f
     assert "told of a standstill and failed" not in caplog.text
 
 
+@pytest.mark.sweep(8)
 async def test_a_renamed_machine_takes_its_history_and_its_drive_along(tmp_path: Path) -> None:
     async with running(tmp_path) as plant:
         runtime = plant.runtime
@@ -88,6 +91,7 @@ async def test_a_renamed_machine_takes_its_history_and_its_drive_along(tmp_path:
         assert sorted(await runtime.history.read(numbers)) == [("m1.frequency",), ("m2.frequency",)]
 
 
+@pytest.mark.sweep(8)
 async def test_a_machine_is_removed_and_comes_back_with_its_counters(tmp_path: Path) -> None:
     async with running(tmp_path) as plant:
         runtime = plant.runtime
@@ -104,6 +108,7 @@ async def test_a_machine_is_removed_and_comes_back_with_its_counters(tmp_path: P
         assert runtime.tags.sample("m1.starts").value == 41
 
 
+@pytest.mark.sweep(8)
 async def test_an_error_while_taking_them_brings_the_former_plant_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -133,6 +138,7 @@ async def test_an_error_while_taking_them_brings_the_former_plant_back(
         await plant.until(lambda: plant.good("m3.frequency"))
 
 
+@pytest.mark.sweep(8)
 async def test_a_link_that_changed_is_opened_anew_and_the_others_run_on(tmp_path: Path) -> None:
     two = DEMO.replace("[links.hall]", '[links.yard]\ntransport = "memory"\n\n[links.hall]').replace(
         'link = "hall"\nunit = 2', 'link = "yard"\nunit = 2'
@@ -159,6 +165,7 @@ async def test_a_link_that_changed_is_opened_anew_and_the_others_run_on(tmp_path
         }
 
 
+@pytest.mark.sweep(8)
 async def test_a_clash_on_the_served_port_is_told_before_anything_changes(tmp_path: Path, free_port: int) -> None:
     async with running(tmp_path, serve_modbus=f"127.0.0.1:{free_port}") as plant:
         await plant.until(lambda: plant.good("m1.frequency"))

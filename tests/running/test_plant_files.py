@@ -18,6 +18,7 @@ from tests.conftest import ROOT, PogonServer
 from tests.reloading import DEMO, M3, running
 
 
+@pytest.mark.sweep(8)
 async def test_broken_files_leave_the_plant_as_it_is(tmp_path: Path) -> None:
     async with running(tmp_path) as plant:
         runtime = plant.runtime
@@ -31,6 +32,7 @@ async def test_broken_files_leave_the_plant_as_it_is(tmp_path: Path) -> None:
         assert (await plant.take(DEMO)).refused == "plant.refused.nothing"
 
 
+@pytest.mark.sweep(8)
 async def test_only_the_changes_that_were_read_are_taken(tmp_path: Path) -> None:
     async with running(tmp_path) as plant:
         plant.write(DEMO + M3)
@@ -41,6 +43,7 @@ async def test_only_the_changes_that_were_read_are_taken(tmp_path: Path) -> None
         assert "m3.frequency" not in plant.runtime.tags
 
 
+@pytest.mark.sweep(8)
 async def test_reading_and_comparing_never_hold_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     loop, aside, on_loop = asyncio.get_running_loop(), [0], list[str]()
     in_executor = loop.run_in_executor
@@ -85,6 +88,7 @@ def pogon(server: PogonServer, *arguments: str, answer: str = "") -> subprocess.
     return subprocess.run(command, cwd=ROOT, env=clean, input=answer, capture_output=True, text=True, timeout=60)
 
 
+@pytest.mark.sweep(20)
 def test_the_command_line_says_what_changes_asks_and_takes_it(server: PogonServer, tmp_path: Path) -> None:
     file = tmp_path / "plant" / "plant.toml"
     assert pogon(server).stdout.strip() == "The plant files are the plant that runs."
@@ -103,6 +107,7 @@ def test_the_command_line_says_what_changes_asks_and_takes_it(server: PogonServe
     assert gone.returncode == 2 and "no server runs on it" in gone.stderr
 
 
+@pytest.mark.sweep(8)
 async def test_a_machine_that_runs_is_not_taken_away_without_a_word(tmp_path: Path) -> None:
     async with running(tmp_path) as plant:
         runtime = plant.runtime

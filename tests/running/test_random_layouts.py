@@ -192,6 +192,7 @@ def stored(data: Path, told: dict[int, Told], entered: int) -> None:
     assert not any(missed for *_, missed in records)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("seed", "transport"), [(1, "memory"), (2, "tcp"), (3, "rtu")])
 async def test_what_the_house_knows_of_products_is_what_became_of_them(
     tmp_path: Path, seed: int, transport: str

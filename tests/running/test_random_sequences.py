@@ -229,6 +229,7 @@ def counted(devices: Iterable[VirtualSequence]) -> Counter[str]:
     return +total
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("seed", "transport"), [*((seed, "memory") for seed in range(6)), (6, "tcp"), (7, "rtu")])
 async def test_whatever_happens_to_a_sequence(tmp_path: Path, seed: int, transport: str) -> None:
     chances = Chances(seed)
@@ -255,6 +256,7 @@ async def test_whatever_happens_to_a_sequence(tmp_path: Path, seed: int, transpo
     assert records(tmp_path / "data") == (counted(sequences), 0)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("seed", "transport"), [(20, "memory"), (21, "memory"), (22, "memory"), (23, "tcp"), (37, "rtu")]
 )
@@ -280,6 +282,7 @@ async def test_undisturbed_every_command_reaches_its_machine_once(tmp_path: Path
             assert seen.handed == sum("hold" in one.values for one in orders)
 
 
+@pytest.mark.sweep(20)
 async def test_the_same_seed_is_the_same_story(tmp_path: Path) -> None:
     stories = []
     for name in ("one", "two"):

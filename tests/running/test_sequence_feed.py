@@ -36,6 +36,7 @@ def given(plant: Hall) -> list[str]:
     return [key for key, _ in commands(plant, "c1")]
 
 
+@pytest.mark.sweep(8)
 async def test_so_many_products_leave_and_then_the_line_stands(tmp_path: Path) -> None:
     async with hall(tmp_path, feeding("c1.feed(count = 3)"), PLANT) as plant:
         await plant.started()
@@ -47,6 +48,7 @@ async def test_so_many_products_leave_and_then_the_line_stands(tmp_path: Path) -
         assert line(plant).tracking.unloaded == 3, "it stands"
 
 
+@pytest.mark.sweep(8)
 async def test_it_counts_from_when_it_was_given_and_a_second_time_anew(tmp_path: Path) -> None:
     async with hall(tmp_path, feeding("c1.feed(count = 2)", "c1.feed(count = 1)"), PLANT) as plant:
         await plant.started()
@@ -56,6 +58,7 @@ async def test_it_counts_from_when_it_was_given_and_a_second_time_anew(tmp_path:
         assert line(plant).tracking.unloaded == 3
 
 
+@pytest.mark.sweep(20)
 async def test_suspended_the_line_stands_and_resumed_it_feeds_the_rest(tmp_path: Path) -> None:
     async with hall(tmp_path, feeding("c1.feed(count = 3)"), PLANT) as plant:
         await plant.started()
@@ -70,6 +73,7 @@ async def test_suspended_the_line_stands_and_resumed_it_feeds_the_rest(tmp_path:
         assert given(plant) == ["select_automatic", "start_automatic", "stop", "start_automatic", "stop"]
 
 
+@pytest.mark.sweep(8)
 async def test_suspended_while_it_stops_by_itself_it_is_not_started_again(tmp_path: Path) -> None:
     async with hall(tmp_path, feeding("c1.feed(count = 1)"), PLANT) as plant:
         await plant.started()
@@ -83,6 +87,7 @@ async def test_suspended_while_it_stops_by_itself_it_is_not_started_again(tmp_pa
         assert given(plant).count("start_automatic") == 1 and plant.value("c1.moving") == 0
 
 
+@pytest.mark.sweep(20)
 async def test_a_line_that_has_fed_is_not_started_again_by_a_later_resume(tmp_path: Path) -> None:
     work = feeding("c1.feed(count = 1)") + step("wait", minimum=60)
     async with hall(tmp_path, work, PLANT) as plant:
@@ -95,6 +100,7 @@ async def test_a_line_that_has_fed_is_not_started_again_by_a_later_resume(tmp_pa
         assert given(plant) == ["select_automatic", "start_automatic", "stop"] and plant.value("c1.moving") == 0
 
 
+@pytest.mark.sweep(8)
 async def test_an_abort_in_the_middle_stops_the_line(tmp_path: Path) -> None:
     async with hall(tmp_path, feeding("c1.feed(count = 3)"), PLANT) as plant:
         await plant.started()
@@ -105,6 +111,7 @@ async def test_an_abort_in_the_middle_stops_the_line(tmp_path: Path) -> None:
         assert plant.runtime.gate.control.holder("c1") is None
 
 
+@pytest.mark.sweep(8)
 async def test_without_products_the_greatest_time_of_the_step_ends_it_and_the_line_stands(tmp_path: Path) -> None:
     work = feeding("c1.feed(count = 1)", maximum=40)
     async with hall(tmp_path, work, PLANT.replace("arrivals = 1", "arrivals = 0")) as plant:
@@ -114,6 +121,7 @@ async def test_without_products_the_greatest_time_of_the_step_ends_it_and_the_li
         await plant.until(lambda: plant.value("c1.moving") == 0 and plant.value("c1.automatic") == 0)
 
 
+@pytest.mark.sweep(8)
 async def test_a_product_that_was_not_there_to_be_taken_is_not_counted(tmp_path: Path) -> None:
     """For one scan the counter says that it was discharged; then the PLC finds nothing and takes it back."""
     async with hall(tmp_path, feeding("c1.feed(count = 1)"), PLANT) as plant:
@@ -124,6 +132,7 @@ async def test_a_product_that_was_not_there_to_be_taken_is_not_counted(tmp_path:
         assert (line(plant).tracking.unloaded, line(plant).tracking.lost) == (1, 1)
 
 
+@pytest.mark.sweep(8)
 async def test_a_counter_that_is_right_for_one_reading_alone_ends_nothing(tmp_path: Path) -> None:
     async with hall(tmp_path, feeding("c1.feed(count = 5)"), PLANT) as plant:
         await plant.started()
@@ -135,6 +144,7 @@ async def test_a_counter_that_is_right_for_one_reading_alone_ends_nothing(tmp_pa
         assert plant.value("c1.unloaded") == 1 and plant.value("c1.automatic") == 1 and given(plant)[-1] != "stop"
 
 
+@pytest.mark.sweep(8)
 async def test_what_stops_the_line_otherwise_ends_the_order_with_its_reason(tmp_path: Path) -> None:
     async with hall(tmp_path, feeding("c1.feed(count = 3)"), PLANT) as plant:
         await plant.started()
@@ -146,6 +156,7 @@ async def test_what_stops_the_line_otherwise_ends_the_order_with_its_reason(tmp_
         assert plant.failure and plant.failure[1] == "why.order_ended"
 
 
+@pytest.mark.sweep(8)
 async def test_a_counter_that_goes_back_ends_it(tmp_path: Path) -> None:
     """The PLC was loaded anew: what it counts now says nothing of this order."""
     async with hall(tmp_path, feeding("c1.feed(count = 1)", "c1.feed(count = 3)"), PLANT) as plant:
@@ -157,6 +168,7 @@ async def test_a_counter_that_goes_back_ends_it(tmp_path: Path) -> None:
         await plant.until(lambda: plant.value("c1.moving") == 0)
 
 
+@pytest.mark.sweep(8)
 async def test_a_person_who_stops_the_line_ends_the_run(tmp_path: Path) -> None:
     async with hall(tmp_path, feeding("c1.feed(count = 3)"), PLANT) as plant:
         await plant.started()
@@ -197,6 +209,7 @@ async def test_where_the_line_cannot_it_is_refused_with_the_reason(
         await plant.until(lambda: plant.value("c1.moving") == 0)
 
 
+@pytest.mark.sweep(8)
 async def test_a_product_is_fed_to_a_sensor_and_the_next_one_is_another(tmp_path: Path) -> None:
     async with hall(tmp_path, feeding("c1.feed_to_1", "c1.feed_to_1"), PLANT) as plant:
         await plant.started()
@@ -209,6 +222,7 @@ async def test_a_product_is_fed_to_a_sensor_and_the_next_one_is_another(tmp_path
         assert (plant.value("c1.moving"), plant.value("c1.automatic")) == (0, 0)
 
 
+@pytest.mark.sweep(8)
 async def test_while_the_link_is_lost_nothing_is_believed_and_it_ends_by_what_is_read_again(tmp_path: Path) -> None:
     async with hall(tmp_path, feeding("c1.feed(count = 2)"), PLANT) as plant:
         await plant.started()
@@ -221,6 +235,7 @@ async def test_while_the_link_is_lost_nothing_is_believed_and_it_ends_by_what_is
         assert plant.value("c1.unloaded") >= 4 and plant.value("c1.moving") == 0 and plant.value("c1.automatic") == 0
 
 
+@pytest.mark.sweep(8)
 async def test_a_link_that_is_lost_for_longer_than_the_step_may_take_times_it_out_and_the_stop_is_repeated(
     tmp_path: Path,
 ) -> None:
@@ -233,6 +248,7 @@ async def test_a_link_that_is_lost_for_longer_than_the_step_may_take_times_it_ou
         await plant.until(lambda: plant.value("c1.moving") == 0 and plant.value("c1.automatic") == 0, 30)
 
 
+@pytest.mark.sweep(8)
 async def test_a_stop_that_nobody_confirms_is_no_end(tmp_path: Path) -> None:
     async with hall(tmp_path, feeding("c1.feed(count = 1)"), PLANT) as plant:
         await plant.started()
@@ -243,6 +259,7 @@ async def test_a_stop_that_nobody_confirms_is_no_end(tmp_path: Path) -> None:
         assert plant.failure and plant.failure[0] == 1
 
 
+@pytest.mark.sweep(20)
 @pytest.mark.parametrize("transport", ["tcp", "rtu"])
 async def test_over_a_wire_it_is_the_same(tmp_path: Path, transport: str) -> None:
     away = LINE.replace('"all"', '"far"')
@@ -263,6 +280,7 @@ async def test_over_a_wire_it_is_the_same(tmp_path: Path, transport: str) -> Non
             assert not away_line.moving and given(plant)[-2:] == ["start_automatic", "stop"]
 
 
+@pytest.mark.sweep(20)
 @pytest.mark.parametrize(
     ("seed", "transport"), [*((seed, "memory") for seed in range(6)), (6, "tcp"), (7, "rtu"), (8, "tcp"), (9, "rtu")]
 )
@@ -322,6 +340,7 @@ async def test_whatever_happens_it_never_says_that_it_fed_what_it_did_not_and_no
         assert not device.moving and not device.modes.running, (plant.state, plant.failure)
 
 
+@pytest.mark.sweep(8)
 async def test_the_number_of_products_is_a_value_of_the_run(tmp_path: Path) -> None:
     recipe = '[[recipe]]\nkey = "n"\nlabel = "n"\nminimum = 1\nmaximum = 9\ndefault = 1\ndecimals = 0\n'
     async with hall(tmp_path, feeding('c1.feed(count = "recipe.n")') + recipe, PLANT) as plant:

@@ -44,6 +44,7 @@ def commands(plant: Hall, machine: str) -> list[tuple[str, str]]:
     return [one[:2] for one in plant.outcomes(machine)]
 
 
+@pytest.mark.sweep(8)
 async def test_a_drive_turns_both_ways_and_stops(tmp_path: Path) -> None:
     work = file(
         step("out", "d1.run_forward(setpoint = 50)", minimum=20),
@@ -75,6 +76,7 @@ async def test_an_axis_stands_at_its_target_before_the_next_step_begins(tmp_path
         assert plant.value("a1.zsw1_operation_enabled") == 0
 
 
+@pytest.mark.sweep(8)
 async def test_a_move_that_is_suspended_goes_on_to_its_target_and_is_not_given_again(tmp_path: Path) -> None:
     work = file(step("power", "a1.enable"), step("there", "a1.move_to(target = 790, velocity = 3000)"))
     async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
@@ -92,6 +94,7 @@ async def test_a_move_that_is_suspended_goes_on_to_its_target_and_is_not_given_a
         assert given.count("move_absolute") == 1 and given[-2:] == ["intermediate_stop", "resume"]
 
 
+@pytest.mark.sweep(8)
 async def test_a_suspend_that_is_taken_back_before_the_machine_stands_is_followed_by_its_resume(tmp_path: Path) -> None:
     work = file(step("power", "a1.enable"), step("there", "a1.move_to(target = 790, velocity = 3000)"))
     async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
@@ -106,6 +109,7 @@ async def test_a_suspend_that_is_taken_back_before_the_machine_stands_is_followe
         assert given.count("move_absolute") == 1 and given[-2:] == ["intermediate_stop", "resume"]
 
 
+@pytest.mark.sweep(8)
 async def test_an_abort_while_suspended_forgets_what_stood_so_that_a_safe_step_can_be_suspended(tmp_path: Path) -> None:
     work = file(
         step("power", "a1.enable"),
@@ -134,6 +138,7 @@ async def test_an_abort_while_suspended_forgets_what_stood_so_that_a_safe_step_c
         assert plant.value("a1.position") == pytest.approx(20, abs=0.5)
 
 
+@pytest.mark.sweep(8)
 async def test_a_suspended_machine_that_never_stands_is_stopped_and_its_order_given_again(tmp_path: Path) -> None:
     work = file(step("power", "a1.enable"), step("there", "a1.move_to(target = 790, velocity = 3000)"))
     async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
@@ -153,6 +158,7 @@ async def test_a_suspended_machine_that_never_stands_is_stopped_and_its_order_gi
         assert [key for key, _ in commands(plant, "a1")].count("move_absolute") == 2
 
 
+@pytest.mark.sweep(8)
 async def test_a_suspend_right_after_the_end_of_a_run_does_not_take_its_stop_back(tmp_path: Path) -> None:
     work = file(step("turn", "d1.run_forward(setpoint = 50)", minimum=600))
     async with hall(tmp_path, work, LINKS + DRIVE + SEQUENCE) as plant:
@@ -197,6 +203,7 @@ async def taken_by_ana(plant: Hall, machine: str) -> None:
     await asyncio.sleep(11)
 
 
+@pytest.mark.sweep(8)
 async def test_an_axis_that_a_person_sends_elsewhere_meanwhile_is_not_where_the_run_wanted_it(tmp_path: Path) -> None:
     work = file(step("power", "a1.enable"), step("there", "a1.move_to(target = 790, velocity = 600)"))
     async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
@@ -213,6 +220,7 @@ async def test_an_axis_that_a_person_sends_elsewhere_meanwhile_is_not_where_the_
         assert plant.value("a1.zsw1_operation_enabled") == 1, "it is hers, and nobody stopped it"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("command", ["move_relative", "run_blocks", "reject_task"])
 async def test_an_axis_that_a_person_gives_another_task_has_not_done_that_of_the_run(
     tmp_path: Path, command: str
@@ -231,6 +239,7 @@ async def test_an_axis_that_a_person_gives_another_task_has_not_done_that_of_the
         assert commands(plant, "a1")[-1] == (command, "confirmed"), "it is hers, and nobody stopped it"
 
 
+@pytest.mark.sweep(20)
 async def test_a_crane_carries_a_ladle_and_stands_while_the_sequence_does(tmp_path: Path) -> None:
     work = file(
         step("ready", "cr1.select_automatic"),
@@ -280,6 +289,7 @@ async def test_a_coil_is_wound_to_its_end_before_the_next_step(tmp_path: Path) -
         await plant.until(lambda: plant.state is SequenceState.DONE)
 
 
+@pytest.mark.sweep(8)
 async def test_a_sequence_runs_another_and_waits_for_its_end(tmp_path: Path) -> None:
     work = file(step("call", "seq2.run"), step("after"))
     other = file(step("a", "d1.run_forward(setpoint = 50)", minimum=5), step("b", "d1.stop"))
@@ -293,6 +303,7 @@ async def test_a_sequence_runs_another_and_waits_for_its_end(tmp_path: Path) -> 
             assert plant.device.runs.last > 5
 
 
+@pytest.mark.sweep(8)
 async def test_suspend_resume_and_abort_are_passed_on_and_the_end_of_the_other_comes_back(tmp_path: Path) -> None:
     work = file(step("call", "seq2.run"), step("after"))
     other = file(step("a", "d1.run_forward(setpoint = 50)", minimum=60), step("b", "d1.stop"))
@@ -320,6 +331,7 @@ async def test_suspend_resume_and_abort_are_passed_on_and_the_end_of_the_other_c
         assert out and out.cause is Cause.COMMAND and plant.failure and plant.failure[1] == "why.order_ended"
 
 
+@pytest.mark.sweep(8)
 async def test_machines_work_in_paths_side_by_side_in_a_loop_and_an_abort_leads_to_the_safe_step(
     tmp_path: Path,
 ) -> None:

@@ -220,6 +220,7 @@ async def test_a_bad_point_fulfils_nothing_and_an_abort_condition_that_asks_it_s
         assert progress and progress.command == "stop", "asked again and again until it is read back"
 
 
+@pytest.mark.sweep(8)
 async def test_suspended_everything_stands_and_resumed_it_runs_again(tmp_path: Path) -> None:
     async with hall(tmp_path, FEED.replace("minimum = 0.5", "minimum = 30")) as plant:
         await plant.started()
@@ -287,6 +288,7 @@ async def test_a_machine_that_a_person_runs_goes_on_when_a_sequence_does_not_get
         assert [who for *_, who in plant.outcomes("c1")] == ["Ana Kos", "Ana Kos"]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seconds", [10.0, 19.8, 25.0])
 async def test_a_machine_that_a_person_stops_is_not_started_again_and_the_run_is_over(
     tmp_path: Path, seconds: float
@@ -317,6 +319,7 @@ async def test_a_machine_that_a_person_stops_is_not_started_again_and_the_run_is
         assert plant.runtime.gate.control.holder("m1") is None
 
 
+@pytest.mark.sweep(8)
 async def test_a_machine_that_a_person_stops_while_the_run_is_suspended_does_not_start_with_the_resume(
     tmp_path: Path,
 ) -> None:

@@ -5,6 +5,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+import pytest
+
 from app.blocks.sequence import SequenceState
 from app.registers import plc_map
 from app.registers.plc_map import Request
@@ -56,6 +58,7 @@ async def test_a_sequence_that_goes_with_the_last_link_in_memory_stops_what_it_r
         await plant.until(lambda: not holder(plant))
 
 
+@pytest.mark.sweep(8)
 async def test_a_sequence_that_is_renamed_goes_on_with_its_machines(tmp_path: Path) -> None:
     async with running(tmp_path) as (plant, rest):
         await take(plant, tmp_path, rest + OWN + SEQUENCE.format(id="seq7", was='was = "seq1"\n'))

@@ -4,6 +4,8 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from app import bundled
 from app.plant.definitions import Plant
 from app.running.sequence_trial import Trial, try_out
@@ -23,6 +25,7 @@ def feeding(text: str = FEED) -> Trial:
     return try_out(plant_with(text.replace("minimum = 20", "minimum = 2")), "seq1")
 
 
+@pytest.mark.sweep(8)
 def test_a_sequence_with_orders_runs_through_its_machines_and_says_when_each_step_was_entered() -> None:
     trial = feeding()
     assert (trial.outcome, [one.number for one in trial.steps]) == ("done", [1, 2, 3, 4])
@@ -30,6 +33,7 @@ def test_a_sequence_with_orders_runs_through_its_machines_and_says_when_each_ste
     assert entered == sorted(entered) and entered[2] - entered[1] >= 2 and trial.seconds > 10
 
 
+@pytest.mark.sweep(8)
 def test_where_it_stops_is_told_with_what_is_missing() -> None:
     trial = feeding(
         FEED.replace('"m1.frequency > 29"', '"m1.frequency > 45"').replace("maximum = 60", "maximum = 5", 1)
@@ -58,6 +62,7 @@ def test_an_order_that_the_gate_refuses_is_told_with_its_reason() -> None:
     assert (trial.outcome, trial.step, trial.order) == ("aborted", 1, 2) and trial.reason
 
 
+@pytest.mark.sweep(8)
 def test_a_machine_begins_as_a_test_says_and_the_tests_of_the_file_are_run(tmp_path: Path) -> None:
     folder = plant_folder(tmp_path / "plant", "cc1", "seq1")
     file = folder / "sequences" / "coil_transport.toml"

@@ -26,6 +26,7 @@ REPLAYED = (3, 6, 9)
 """Seeds that are played once more, to the byte."""
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(1, 21))
 def test_a_minute_of_storm(seed: int) -> None:
     script = draw(seed)
@@ -46,6 +47,7 @@ with light():
 """
 
 
+@pytest.mark.sweep(20)
 def test_the_order_in_which_sets_come_decides_nothing() -> None:
     """Memory, TCP with browsers, RTU: the same to the byte, however Python hashes."""
     told = {
@@ -81,6 +83,7 @@ def short(*actions: Action) -> Script:
     return Script(8, ("c1",), 40.0, (at(0.2, "enter", who="ana"), at(0.6, "take", who="ana", machine="c1"), *actions))
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("gap", "broken"),
     [
@@ -192,6 +195,7 @@ def test_what_breaks_a_rule_is_found(
     assert verdict.name == name, verdict.what
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("wrong", ["entry", "ended"])
 def test_a_record_that_is_not_of_its_events_is_found(wrong: str, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = records._said

@@ -15,6 +15,7 @@ def staff(demo: TestClient) -> Staff:
     return Staff(demo)
 
 
+@pytest.mark.sweep(8)
 def test_a_filter_is_kept_under_a_name_chosen_again_and_forgotten(staff: Staff) -> None:
     ana, iva = (Operator(staff, name, ("operator",)) for name in ("ana", "iva"))
     answer = ana.post("/alarms/filters", kept_as=" Night  shift ", tab="journal", priority="2", source="m1", q="")

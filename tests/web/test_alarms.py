@@ -161,6 +161,7 @@ def test_an_address_that_makes_no_sense_is_refused(hall: Hall, query: str) -> No
     assert hall.client.get(f"/alarms?{query}").status_code == 422
 
 
+@pytest.mark.sweep(8)
 def test_parameters_are_inert_everywhere(hall: Hall) -> None:
     hall.tell("task_down", task=EVIL)
     named = f"sys.task_down.{EVIL}"
@@ -214,6 +215,7 @@ def test_an_empty_list_says_what_is_not_there_and_never_that_no_alarm_is_active(
             assert rows(hall.page(f"{path}?page=3", lang)) == ["sys.history_quota"], (lang, path)
 
 
+@pytest.mark.sweep(8)
 def test_many_alarms_open_in_time_and_in_pages(hall: Hall) -> None:
     hall.staff.enter("olga", "operator")
     engine = hall.engine
@@ -344,6 +346,7 @@ def test_the_banner_of_every_page_has_the_most_important_one_and_the_counts(hall
     assert '"part":{"m2.stop":[1,"unack"]}' in unescape(html)
 
 
+@pytest.mark.sweep(20)
 @pytest.mark.parametrize(
     ("lang", "told"), [("hr", "09.03. 23:59"), ("en", "09/03 23:59"), ("de", "09.03. 23:59"), ("cs", "09.03. 23:59")]
 )
@@ -441,6 +444,7 @@ def _heatsink(hall: Hall) -> ListedAlarm:
 # ---- the journal ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sweep(8)
 def test_the_journal_has_pages_filters_and_every_transition(hall: Hall) -> None:
     hall.staff.enter("ana", "operator")
     for _ in range(60):

@@ -89,6 +89,7 @@ def test_what_the_plc_says_agrees_with_the_plant_file(staff: Staff) -> None:
         assert tags.sample(f"{machine}.products").value > 0, machine
 
 
+@pytest.mark.sweep(8)
 def test_the_order_that_a_scanner_read_is_shown_and_found(staff: Staff) -> None:
     pass_time(60)
     drawn = page(staff, "/equipment/c5")

@@ -181,6 +181,7 @@ def test_what_is_wrong_with_an_order_is_named(
     assert (fault["field"], fault["value"]) == (field, value) and fault["expected"]
 
 
+@pytest.mark.sweep(8)
 def test_history_is_decimated_and_raw_pages_join_without_loss(staff: Staff) -> None:
     reader, exporter = Program(staff, "view"), Program(staff, "view", "export")
     begin = (now_of(staff) - timedelta(minutes=5)).isoformat()
@@ -207,6 +208,7 @@ def test_history_is_decimated_and_raw_pages_join_without_loss(staff: Staff) -> N
     assert reader.get("/history/m1.current/raw", **{"from": begin, "to": end}).status_code == 403
 
 
+@pytest.mark.sweep(8)
 def test_a_program_takes_control_sets_starts_and_reads_confirmed(staff: Staff) -> None:
     program = Program(staff, "view", "operate", "stop")
     refused = program.order("/equipment/m2/commands/forward", "api-forward-0")
@@ -248,6 +250,7 @@ def test_an_unknown_field_is_refused_and_names_itself(staff: Staff) -> None:
     assert "role" in str(answer.json())
 
 
+@pytest.mark.sweep(8)
 def test_the_description_is_for_engineers_and_loads_nothing_from_elsewhere(staff: Staff) -> None:
     staff.have()
     assert staff.client.get("/docs", follow_redirects=False).status_code == 303

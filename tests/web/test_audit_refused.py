@@ -55,6 +55,7 @@ def test_of_what_is_refused_at_the_door_the_line_says_what_and_why(staff: Staff)
         assert page.count(f"<small>{texts.text(lang, 'audit.needs', roles=needed)}</small>") >= len(REFUSED), lang
 
 
+@pytest.mark.sweep(8)
 def test_who_asks_for_everything_fills_no_audit(staff: Staff) -> None:
     csrf = staff.enter("vid", "viewer")
     runtime = staff.client.app.state.runtime  # type: ignore[attr-defined]

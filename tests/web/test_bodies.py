@@ -129,6 +129,7 @@ def test_a_body_that_says_it_is_too_long_is_not_read_on_any_route(client: TestCl
         assert (path, answer.status, answer.taken) == (path, 413, 0)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", [FORM, "application/json", None])
 @pytest.mark.parametrize("portion", [b"%" * 4096, b"&" * 4096, b"[" * 4096, b"a=" * 2048, b"x" * 4096])
 def test_a_body_that_says_nothing_of_its_length_is_read_no_further_than_the_limit(
@@ -195,6 +196,7 @@ BODIES = [
 ]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("body", BODIES, ids=lambda body: f"{body[:16]!r}-{len(body)}")
 @pytest.mark.parametrize("kind", [FORM, "application/json"])
 def test_no_body_makes_an_error_of_ours(staff: Staff, body: bytes, kind: str) -> None:

@@ -44,6 +44,7 @@ def broken(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Sta
         yield staff, request.param
 
 
+@pytest.mark.sweep(8)
 def test_no_page_breaks_and_all_say_what_is_wrong(broken: tuple[Staff, str]) -> None:
     staff, file = broken
     headers = [("Cookie", f"sid={staff.client.cookies['sid']}"), ("User-Agent", "testclient")]

@@ -233,6 +233,7 @@ def test_forward_is_accepted_then_confirmed_and_everybody_reads_by_whom(
     assert re.search(r"Accepted \d\d:\d\d:\d\d → Done \d\d:\d\d:\d\d · ana", words(seen.text))
 
 
+@pytest.mark.sweep(8)
 def test_reverse_while_running_asks_first_and_nothing_is_in_the_audit_before_the_answer(
     staff: Staff, ana: Operator
 ) -> None:
@@ -396,6 +397,7 @@ def test_m1_says_why_it_cannot_be_held_and_m2_gives_a_lease(staff: Staff, ana: O
     assert ana.press("/equipment/m2/command/jog_forward").status_code == 409
 
 
+@pytest.mark.sweep(8)
 def test_the_socket_keeps_a_hold_alive_and_its_end_ends_the_motion(staff: Staff, ana: Operator) -> None:
     ana.take("m2")
     lease = ana.press("/equipment/m2/hold/jog_forward").json()["lease"]
@@ -419,6 +421,7 @@ def test_the_socket_keeps_a_hold_alive_and_its_end_ends_the_motion(staff: Staff,
     assert progress.reason == "hold.cause.closed"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("way", ["page", "terminal", "disabled", "reset"])
 def test_a_hold_and_its_socket_end_when_the_right_does(staff: Staff, way: str) -> None:
     """Armed and kept alive by somebody whose role goes, on a page or by another process: nothing moves any more, nothing starts."""

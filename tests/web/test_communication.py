@@ -58,6 +58,7 @@ def page(staff: Staff, address: str = "/communication", lang: str = "en", status
     return answer.text
 
 
+@pytest.mark.sweep(8)
 def test_operators_see_it_viewers_and_guests_have_no_way_to_it(staff: Staff) -> None:
     home = page(staff, "/")
     assert 'href="/communication"' not in home and page(staff, status=303) == ""
@@ -185,6 +186,7 @@ def test_addresses_have_the_numbers_of_older_manuals_beside_them(address: int, t
     assert reference(address, table) == written
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("role", "pages"),
     [

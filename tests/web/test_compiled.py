@@ -97,6 +97,7 @@ def test_templates_that_are_named_by_a_value_or_in_parts_are_known_too(starts: S
         assert sorted(starts.compiled) == compiled_now
 
 
+@pytest.mark.sweep(20)
 def test_no_page_has_a_template_compiled_on_the_loop(demo: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
     staff, aside, compiled_here = Staff(demo), [False], set[str]()
     staff.enter("ivana", "engineer", "operator")
@@ -255,6 +256,7 @@ print(len(compiled))
 """
 
 
+@pytest.mark.sweep(8)
 def test_one_process_of_the_product_leaves_to_the_next_what_it_compiled() -> None:
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     counts = [

@@ -52,6 +52,7 @@ def buttons(who: Operator) -> list[str]:
     return re.findall(r'data-token="(\w+)"', who.get(M1).text)
 
 
+@pytest.mark.sweep(20)
 def test_thirty_who_ask_at_once_have_it_one_after_the_other(staff: Staff, people: list[Operator]) -> None:
     """Most let it go when they are done; two keep silent, and the next comes all the same."""
     for who in people:
@@ -92,6 +93,7 @@ def test_everybody_reads_who_waits_and_the_own_place(staff: Staff, people: list[
     assert "student" not in guest
 
 
+@pytest.mark.sweep(20)
 def test_the_line_is_told_to_everybody_who_looks(staff: Staff, people: list[Operator]) -> None:
     tags = runtime_of(staff.client).tags
     ana, ivo, eva = people[:3]

@@ -153,6 +153,7 @@ def test_the_ruler_ends_with_the_line_and_its_numbers_keep_apart() -> None:
         assert scale.ticks[0] == 0 and scale.ticks[-1] <= length
 
 
+@pytest.mark.sweep(8)
 def test_products_stand_in_the_table_in_the_order_of_the_line(folder: Path, tmp_path: Path) -> None:
     with _running(tmp_path / "data", folder) as line:  # one that no other test has stopped
         _in_their_order(line)
@@ -395,6 +396,7 @@ def test_a_jam_is_caused_stops_the_line_and_is_told_as_the_first_cause(crew: Sta
         crew.post("/instructor/c1/fault", {"code": "0"})
 
 
+@pytest.mark.sweep(8)
 def test_what_stopped_the_line_yesterday_is_not_told_as_of_today(folder: Path, tmp_path: Path) -> None:
     evening = datetime(2026, 3, 9, 22, 59, 30, tzinfo=UTC)  # half a minute before the midnight of the plant
     with house(Settings(plant=folder, data=tmp_path / "data"), begin=evening) as client:

@@ -195,6 +195,7 @@ def test_before_the_first_cycle_it_has_no_time_of_one(ivana: Operator, staff: St
     assert shown() == ["–"]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("register", "word", "alarms", "cause"),
     [

@@ -80,6 +80,7 @@ def test_numbers_of_the_positioner_stand_beside_those_of_the_thesis(staff: Staff
     assert len(curves) == 6 and all(path.count("L") > 3 for _, path in curves)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_sequence_has_our_figures_alone_and_says_so(staff: Staff, language: str) -> None:
     staff.enter("one-engineer", "engineer")

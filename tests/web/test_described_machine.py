@@ -67,6 +67,7 @@ def value(client: VirtualClient, name: str) -> object:
     return runtime_of(client).tags.sample(name).value
 
 
+@pytest.mark.sweep(8)
 def test_commands_are_confirmed_by_what_the_machine_says(client: VirtualClient) -> None:
     ana = Operator(Staff(client), "ana", ("engineer", "operator"))
     assert until(lambda: value(client, "v1.closed") == 1, 10)

@@ -260,6 +260,7 @@ class World:
         }
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("carrier", CARRIERS)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_stop_is_the_last_word_and_what_is_shown_is_so(tmp_path: Path, seed: int, carrier: str) -> None:

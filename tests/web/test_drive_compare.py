@@ -71,6 +71,7 @@ def test_nothing_goes_home_before_something_was_read(client: TestClient) -> None
     assert "Nothing was read" in words(client.get(f"{PATH}/compare").text)
 
 
+@pytest.mark.sweep(8)
 def test_what_was_read_goes_home_as_csv_and_json_and_comes_back_without_a_difference(
     people: Staff, client: TestClient
 ) -> None:
@@ -121,6 +122,7 @@ def test_a_file_comes_in_pieces_and_one_that_is_missing_is_told(people: Staff, c
         assert answer.status_code == 413
 
 
+@pytest.mark.sweep(8)
 def test_two_drives_are_read_and_stand_beside_each_other(people: Staff, client: TestClient) -> None:
     assert people.post(f"{PATH}/compare/drive", {"other": "nobody"}, **HX).status_code == 422
     answer = people.post(f"{PATH}/compare/drive", {"other": "d2"}, **HX)
@@ -135,6 +137,7 @@ def test_two_drives_are_read_and_stand_beside_each_other(people: Staff, client: 
     assert 'name="value"' in client.get(PATH).text
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_the_page_speaks_every_language(people: Staff, client: TestClient, language: str) -> None:
     send(people, "object;parameter;value\n2;p1120;x\n2;p1121;1000001\n")
@@ -151,6 +154,7 @@ def test_an_operator_sees_none_of_it(people: Staff, client: TestClient) -> None:
         assert people.post(f"{PATH}/{path}", {}).status_code == 403, path
 
 
+@pytest.mark.sweep(20)
 def test_no_form_about_the_parameters_of_a_drive_leads_elsewhere(client: TestClient, people: Staff) -> None:
     """Who has no scripts is sent on by an address."""
     read(people, "p1120")

@@ -94,6 +94,7 @@ def test_search_and_groups_choose(client: TestClient) -> None:
     assert client.get("/equipment/nothing/drive-parameters").status_code == 404
 
 
+@pytest.mark.sweep(8)
 def test_all_of_them_are_read_and_shown_with_their_time(client: TestClient, people: Staff) -> None:
     before = rows_of(drawn(client))
     assert all("not read" in row for row in before.values())
@@ -106,6 +107,7 @@ def test_all_of_them_are_read_and_shown_with_their_time(client: TestClient, peop
     assert "+56" in rows["r0945", "2"]
 
 
+@pytest.mark.sweep(8)
 def test_a_drive_with_one_object_has_everything_there(client: TestClient, people: Staff) -> None:
     path = PATH.replace("d1", "d2")
     assert people.post(f"{path}/read", {"group": "ramp"}).status_code in (200, 303)
@@ -132,6 +134,7 @@ def test_places_of_a_parameter(own: tuple[int, ...], objects: tuple[int, ...], t
     assert places(replace(TYPE.drive_parameters["p1120"], objects=own), objects) == there
 
 
+@pytest.mark.sweep(8)
 def test_while_it_reads_it_says_how_far_it_is_and_can_be_cancelled(client: TestClient, people: Staff) -> None:
     device = client.app.state.runtime.sim.devices["d1"]  # type: ignore[attr-defined]
     device.write(6, REG_MAILBOX, [MailboxFault.LATE])
@@ -155,6 +158,7 @@ def test_a_page_that_is_open_gets_the_table_alone(client: TestClient, people: St
     assert answer.status_code == 200 and "not read" not in answer.text and ("p1120", "2") in rows_of(answer.text)
 
 
+@pytest.mark.sweep(8)
 def test_a_drive_that_does_not_answer_is_told(client: TestClient, people: Staff) -> None:
     device = client.app.state.runtime.sim.devices["d1"]  # type: ignore[attr-defined]
     assert "5 s" in rows_of(read(client, people, q="p1121"))["p1121", "2"].replace("\u00a0", " ")

@@ -4,6 +4,8 @@ import asyncio
 import shutil
 from pathlib import Path
 
+import pytest
+
 from app import bundled
 from app.running.sequence_trial import try_out
 from app.sim.plant import read_simulated
@@ -13,6 +15,7 @@ from tests.web.people import Staff
 PLANT = bundled("plants/drive_steps")
 
 
+@pytest.mark.sweep(8)
 def test_the_shipped_steps_run_the_drive_both_ways_for_ten_seconds() -> None:
     plant, problems = read_simulated(PLANT)
     assert plant is not None, problems

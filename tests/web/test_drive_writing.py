@@ -145,6 +145,7 @@ def test_what_cannot_be_written_is_told_before_it_is_sent(
     assert answer.status_code == 422
 
 
+@pytest.mark.sweep(8)
 def test_what_the_drive_refuses_is_told_by_its_error_and_all_is_put_back(client: TestClient, people: Staff) -> None:
     reviewed(people, {"1:p1120": "9", "1:p0304": "230"})
     text = ordered(people, "write")
@@ -178,6 +179,7 @@ def test_a_list_is_its_persons_own_and_the_value_must_still_be_as_it_was_seen(
     assert "No changes yet" in words(client.get(f"{PATH}/list").text)
 
 
+@pytest.mark.sweep(8)
 def test_a_silent_drive_is_told_in_the_review(client: TestClient, people: Staff) -> None:
     drive(client).write(6, REG_MAILBOX, [MailboxFault.NEVER])
     pass_time(1)
@@ -190,6 +192,7 @@ def test_a_silent_drive_is_told_in_the_review(client: TestClient, people: Staff)
     assert "Parameter mailbox: internal error" in words(client.get(f"{PATH}/list").text)
 
 
+@pytest.mark.sweep(8)
 def test_while_it_writes_it_says_how_far_it_is_and_can_be_cancelled(client: TestClient, people: Staff) -> None:
     typed = {f"1:p0758[{n}]": "5" for n in range(4)} | {f"1:p2024[{n}]": "9" for n in range(3)} | {"1:p1120": "8"}
     reviewed(people, typed)

@@ -181,6 +181,7 @@ def test_what_is_not_right_is_told_and_changes_nothing(
     assert drive(client).model.values("p2599") == [0]
 
 
+@pytest.mark.sweep(8)
 def test_a_silent_drive_is_told_as_such_and_one_without_positioner_too(client: TestClient, people: Staff) -> None:
     drive(client).write(6, REG_MAILBOX, [MailboxFault.NEVER])
     pass_time(0.5)

@@ -201,6 +201,7 @@ UNSTORED = {
 }
 
 
+@pytest.mark.sweep(8)
 def test_events_that_a_full_disk_does_not_take_are_missing_and_that_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -148,6 +148,7 @@ def swept(staff: Staff) -> list[tuple[str, str, str]]:
     return found
 
 
+@pytest.mark.sweep(20)
 def test_no_request_takes_long_of_a_turn(staff: Staff) -> None:
     fell, loops = [], BareLoops()
     for method, path, given in swept(staff):
@@ -175,6 +176,7 @@ def longest_of_a_reload(staff: Staff, text: str, loops: BareLoops) -> float:
     return loops.of(spent.longest, EXCHANGE)
 
 
+@pytest.mark.sweep(20)
 def test_no_turn_of_a_reload_is_long(staff: Staff) -> None:
     runtime, loops = runtime_of(staff.client), BareLoops()
     assert len(runtime.points) > 11_000

@@ -81,6 +81,7 @@ def test_every_export_is_swept_here(staff: Staff) -> None:
     assert csv - {"/history/export/progress", "/api/v1/history/{name}/raw"} <= set(FILES)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("path", FILES)
 def test_no_field_of_an_export_ends_in_an_error_or_keeps_a_place(
     staff: Staff, headers: list[tuple[str, str]], path: str
@@ -251,6 +252,7 @@ def test_two_that_come_at_once_do_not_take_a_third_place(staff: Staff, headers: 
     assert not places(staff)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("address", EXPORTS)
 @pytest.mark.parametrize(("pause", "at_most"), [(3600.0, 5.0), (4.0, 15.0)])
 def test_an_export_that_is_read_too_slowly_is_ended_and_told(

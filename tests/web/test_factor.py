@@ -190,6 +190,7 @@ def test_a_wrong_first_code_shows_the_same_key_again(staff: Staff) -> None:
     assert len(keys) == 1
 
 
+@pytest.mark.sweep(8)
 def test_administrators_see_and_reset_it(staff: Staff) -> None:
     enrol(staff, "vic", "operator")
     key = staff.add("vic")

@@ -103,6 +103,7 @@ def old(text: str) -> str:
     return told(text, "fb-say fb-old")
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_before_it_was_read_it_says_so_and_empty_it_says_that(client: TestClient, people: Staff, language: str) -> None:
     texts = fragment(client, language, PATH)
@@ -124,6 +125,7 @@ def named(row: list[str], code: str) -> None:
     assert row[2] == "0" and re.fullmatch(r"\d\d/\d\d \d\d:\d\d:\d\d", row[3]) and row[4] == "–"
 
 
+@pytest.mark.sweep(8)
 def test_every_known_fault_and_alarm_is_named_with_cause_and_remedy(client: TestClient, people: Staff) -> None:
     for begin in range(0, len(CAUSED), PLACES):
         numbers = CAUSED[begin : begin + PLACES]
@@ -139,6 +141,7 @@ def test_every_known_fault_and_alarm_is_named_with_cause_and_remedy(client: Test
         named(row, row[0])
 
 
+@pytest.mark.sweep(8)
 def test_acknowledged_faults_move_on_and_keep_their_times(client: TestClient, people: Staff) -> None:
     numbers, came, clock = CAUSED[:9], [], client.app.state.runtime.clock  # type: ignore[attr-defined]
     for number in numbers:
@@ -155,6 +158,7 @@ def test_acknowledged_faults_move_on_and_keep_their_times(client: TestClient, pe
         assert row[0] == f"F{number:05d}" and row[3] in near and row[4] in gone
 
 
+@pytest.mark.sweep(8)
 def test_it_is_read_again_by_itself_only_when_the_drive_tells_something(client: TestClient, people: Staff) -> None:
     cause(client, 7860)
     assert shown(fragment(client)) == {}  # nobody has asked
@@ -181,6 +185,7 @@ def test_it_is_read_again_by_itself_only_when_the_drive_tells_something(client: 
     assert client.app.state.fault_buffers["sinamics", "drives", 1].of(0).task is failed  # type: ignore[attr-defined]  # once, not for ever
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("fault", "reason"),
     [
@@ -206,6 +211,7 @@ def test_a_failed_reading_tells_why_and_keeps_the_old_one_as_old(
     assert alert(fragment(client, path=PATH)) and not alert(well := read(client, people)) and not old(well)
 
 
+@pytest.mark.sweep(8)
 def test_a_late_mailbox_is_waited_for_and_a_second_press_adds_nothing(client: TestClient, people: Staff) -> None:
     cause(client, 7452)
     cause(client, MailboxFault.LATE, REG_MAILBOX)
@@ -220,6 +226,7 @@ def test_a_late_mailbox_is_waited_for_and_a_second_press_adds_nothing(client: Te
     assert [row[0] for row in shown(text)["s0"]] == ["F07452"] and not alert(text)
 
 
+@pytest.mark.sweep(8)
 def test_who_may_view_may_read_and_nobody_else(client: TestClient, people: Staff) -> None:
     for role in ("viewer", "operator", "engineer", "admin"):
         people.enter(f"one_{role}", role)
@@ -230,6 +237,7 @@ def test_who_may_view_may_read_and_nobody_else(client: TestClient, people: Staff
     people.enter("vera", "viewer")
 
 
+@pytest.mark.sweep(8)
 def test_a_link_that_may_not_write_is_asked_nothing(tmp_path: Path) -> None:
     plant = tmp_path / "plant"
     shutil.copytree(bundled("plants/sinamics"), plant)
@@ -244,6 +252,7 @@ def test_a_link_that_may_not_write_is_asked_nothing(tmp_path: Path) -> None:
         assert browser.app.state.runtime.links["drives"].parameters("d1").waiting == 0  # type: ignore[attr-defined]
 
 
+@pytest.mark.sweep(8)
 def test_every_drive_object_has_a_buffer_of_its_own_which_is_chosen_by_name(client: TestClient, people: Staff) -> None:
     cause(client, 7452)
     assert "Control Unit" not in fragment(client), "the objects are told with the first reading"
@@ -261,6 +270,7 @@ def test_every_drive_object_has_a_buffer_of_its_own_which_is_chosen_by_name(clie
     assert "F07452" in fragment(client)
 
 
+@pytest.mark.sweep(8)
 def test_the_buffer_of_a_further_axis_is_read_from_it(client: TestClient, people: Staff) -> None:
     """A drive of two axes behind one Control Unit; the second one has another fault."""
     model = client.app.state.runtime.sim.devices["d1"].model  # type: ignore[attr-defined]

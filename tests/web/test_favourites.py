@@ -44,6 +44,7 @@ def test_a_star_puts_a_page_into_the_menu_and_first_into_the_search_and_takes_it
     zoe.post("/favourites", at="/trends", on="")
 
 
+@pytest.mark.sweep(8)
 def test_who_has_one_opens_every_page_that_a_frame_has(staff: Staff) -> None:
     """What a page is drawn with has other names than what its frame is drawn with; a lesson's had one of the menu's."""
     leo = Operator(staff, "leo", ("admin", "engineer", "operator"))

@@ -142,6 +142,7 @@ def test_the_page_shows_what_is_known_without_drive_objects(client: TestClient) 
     assert ">DO<" not in text
 
 
+@pytest.mark.sweep(8)
 def test_a_number_of_which_nothing_is_known_is_found_read_and_told_as_that(client: TestClient, people: Staff) -> None:
     assert list(rows_of(drawn(client, q="F124"))) == ["F124"]
     assert "Nothing known from the sources" in rows_of(drawn(client, q="f124"))["F124"]
@@ -162,6 +163,7 @@ def test_groups_and_search(client: TestClient) -> None:
     assert len(rows_of(drawn(client, show="every", group="f3"))) == 31
 
 
+@pytest.mark.sweep(8)
 def test_every_number_is_read_with_progress_while_scans_go_on(client: TestClient, people: Staff) -> None:
     runtime = client.app.state.runtime  # type: ignore[attr-defined]
     people.post(f"{PATH}/read", {"show": "every"}, **HX)
@@ -212,6 +214,7 @@ def test_a_set_is_reviewed_written_and_read_back(client: TestClient, people: Sta
     assert trail[0].new == "F114 = 7.5, F131 = 2054, F124 = 700"
 
 
+@pytest.mark.sweep(8)
 def test_a_point_that_is_the_same_value_is_read_again_and_a_doubt_is_told(client: TestClient, people: Staff) -> None:
     pages = ("/equipment/m2", "/equipment/m2/parameters")
     doubt = "Drive: motor current F803 = 3.2 A; plant file: 2.5 A"
@@ -224,6 +227,7 @@ def test_a_point_that_is_the_same_value_is_read_again_and_a_doubt_is_told(client
     assert not any(doubt in words(client.get(page).text) for page in pages)
 
 
+@pytest.mark.sweep(8)
 def test_limits_that_depend_on_each_other_are_kept_in_any_order(client: TestClient, people: Staff) -> None:
     text = write(people, F113="70", F111="80")
     assert held(client, "F111", "F113") == [80.0, 70.0], words(text)
@@ -311,6 +315,7 @@ def send(people: Staff, text: str) -> None:
     pass_time(5)
 
 
+@pytest.mark.sweep(8)
 def test_the_second_drive_gets_what_the_first_one_has_but_not_its_address(client: TestClient, people: Staff) -> None:
     people.post(f"{PATH}/compare/drive", {"other": "m3"}, **HX)
     pass_time(8)
@@ -322,6 +327,7 @@ def test_the_second_drive_gets_what_the_first_one_has_but_not_its_address(client
     assert held(client, "F114", "F131", "F900") == [9.0, 2054.0, 1.0], words(text)
 
 
+@pytest.mark.sweep(8)
 def test_a_set_goes_home_and_puts_a_changed_drive_right(client: TestClient, people: Staff) -> None:
     read(people)
     read(people, q="F124")

@@ -127,6 +127,7 @@ def test_a_gate_goes_where_it_is_commanded_and_says_so_itself(tmp_path: Path) ->
         assert device.gates.positions[0] is GatePosition.STRAIGHT
 
 
+@pytest.mark.sweep(8)
 def test_a_diverted_product_is_counted_and_its_passage_ends_so(tmp_path: Path) -> None:
     device = VirtualConveyor(Geometry(gates=GATES), start="automatic", interval=4.0, settings=QUICK)
     with hall(tmp_path, WITH_GATES, device) as here:
@@ -140,6 +141,7 @@ def test_a_diverted_product_is_counted_and_its_passage_ends_so(tmp_path: Path) -
         assert "gate_1" not in here.alarms() and "misrouted_1" not in here.alarms()
 
 
+@pytest.mark.sweep(8)
 def test_a_gate_whose_feedback_is_lost_is_told_and_holds_the_products_until_it_is_back(tmp_path: Path) -> None:
     device = VirtualConveyor(Geometry(gates=GATES), start="automatic", interval=4.0, settings=QUICK)
     with hall(tmp_path, WITH_GATES, device) as here:

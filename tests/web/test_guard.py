@@ -231,6 +231,7 @@ def put_factor(connection: Connection, person: int) -> None:
     connection.execute(insert(factor_table).prefix_with("OR IGNORE").values(**values))
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_route_lets_in_exactly_whom_the_table_names(
     staff: Staff, kind: str, monkeypatch: pytest.MonkeyPatch
@@ -343,6 +344,7 @@ def test_a_token_of_a_program_is_only_good_for_the_api(staff: Staff, live_plant:
     assert staff.client.get("/tokens", headers={"Authorization": f"Bearer {secret}"}).status_code == 303
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("permission", sorted(GRANTABLE))
 def test_a_token_gets_in_exactly_where_its_one_permission_is_asked_for(
     staff: Staff, live_plant: None, permission: str

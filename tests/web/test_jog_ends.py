@@ -44,6 +44,7 @@ def hold(operator: Operator, machine: str, command: str, seconds: float) -> None
         assert operator.post(f"/equipment/{machine}/release", lease=lease, cause="released").status_code == 204
 
 
+@pytest.mark.sweep(20)
 def test_the_end_of_every_jog_is_confirmed(operator: Operator) -> None:
     runtime = runtime_of(operator.staff.client)
     gate, plant = runtime.gate, runtime.plant

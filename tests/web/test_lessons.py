@@ -121,6 +121,7 @@ ACKNOWLEDGE, RESET = 5, 8
 MACHINES = {"motor": "m1", "conveyor": "c1", "sequence": "seq1"}
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", MACHINES)
 def test_a_shipped_lesson_can_be_completed_by_its_solution(staff: Staff, ana: Operator, name: str) -> None:
     client = staff.client
@@ -276,6 +277,7 @@ def call(staff: Staff) -> Iterator[Callable[[Operator, str], None]]:
         staff.wait(staff.access.people.rename, BOSS, one, "")
 
 
+@pytest.mark.sweep(8)
 def test_a_learner_who_is_called_otherwise_meanwhile_goes_on(
     staff: Staff, ana: Operator, call: Callable[[Operator, str], None]
 ) -> None:
@@ -288,6 +290,7 @@ def test_a_learner_who_is_called_otherwise_meanwhile_goes_on(
     assert course_of(client, "motor").step == RESET + 1
 
 
+@pytest.mark.sweep(8)
 def test_what_a_namesake_does_on_the_machine_ticks_nothing_off(
     staff: Staff, ana: Operator, call: Callable[[Operator, str], None]
 ) -> None:
@@ -301,6 +304,7 @@ def test_what_a_namesake_does_on_the_machine_ticks_nothing_off(
     assert course_of(client, "motor").step == RESET
 
 
+@pytest.mark.sweep(8)
 def test_an_alarm_that_goes_as_it_is_acknowledged_ticks_its_step_off(staff: Staff, ana: Operator) -> None:
     client, alarms = staff.client, runtime_of(staff.client).alarms
     assert ana.post("/lessons/motor/begin", False, machine="m2").status_code == 303

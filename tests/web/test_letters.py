@@ -49,6 +49,7 @@ def test_a_face_is_fetched_for_what_it_has(name: str) -> None:
         )  # a soft hyphen is not drawn
 
 
+@pytest.mark.sweep(8)
 def test_every_character_that_we_write_is_in_the_face() -> None:
     ours = set().union(*faces("Pogon").values())
     written = "".join(path.read_text("utf-8") for pattern in WRITTEN for path in ROOT.glob(pattern))

@@ -25,6 +25,7 @@ def device(**options: object) -> VirtualConveyor:
     return VirtualConveyor(GEOMETRY, **given)  # type: ignore[arg-type]
 
 
+@pytest.mark.sweep(8)
 def test_a_merge_is_opened_and_closed_and_says_so_itself(tmp_path: Path) -> None:
     plc = device(arrivals=False)
     with hall(tmp_path, JOINED, plc) as here:
@@ -47,6 +48,7 @@ def test_a_merge_is_opened_and_closed_and_says_so_itself(tmp_path: Path) -> None
         assert here.value("merge_gate_1") == 0 and until(lambda: here.value("merge_state_1") == 0, 10)
 
 
+@pytest.mark.sweep(8)
 def test_a_merged_product_says_where_it_came_from(tmp_path: Path) -> None:
     plc = device(lane_interval=6.0)
     with hall(tmp_path, JOINED, plc) as here:
@@ -70,6 +72,7 @@ def test_a_merged_product_says_where_it_came_from(tmp_path: Path) -> None:
         assert (here.value("lost"), here.value("unexpected")) == (0, 0)
 
 
+@pytest.mark.sweep(8)
 def test_a_stuck_stop_is_told_and_the_line_runs_on(tmp_path: Path) -> None:
     plc = device()
     with hall(tmp_path, JOINED, plc) as here:
@@ -92,6 +95,7 @@ def test_in_emergency_stop_a_merge_may_be_closed_only(tmp_path: Path) -> None:
         assert here.value("merge_gate_1") == 2
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("plant", [PLANT, JOINED])
 def test_a_plc_of_map_1_5_goes_on_working_and_has_no_merge(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, plant: str

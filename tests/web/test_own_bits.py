@@ -127,6 +127,7 @@ def client(tmp_path: Path, rack: Rack) -> Iterator[VirtualClient]:
         browser.run(server.close())
 
 
+@pytest.mark.sweep(8)
 def test_a_command_writes_a_coil_and_is_done_when_the_machine_says_so(client: VirtualClient, rack: Rack) -> None:
     ana, tags = Operator(Staff(client), "ana", ("engineer", "operator")), runtime_of(client).tags
     page = words(ana.get("/equipment/r1", fragment=False).text)
@@ -160,6 +161,7 @@ def test_a_parameter_may_be_a_coil(client: VirtualClient, rack: Rack) -> None:
     assert until(lambda: tags.sample("r1.heater").value == 1, 5) and rack.tables["coil"][20] == 1
 
 
+@pytest.mark.sweep(20)
 def test_numbers_of_64_bits_are_drawn_stored_and_exported_in_every_language(client: VirtualClient, rack: Rack) -> None:
     tags = runtime_of(client).tags
     assert [tags.sample(f"r1.{key}").value for key in ("energy", "balance", "exact")] == [MOST, LEAST, 1e300]
@@ -186,6 +188,7 @@ def test_numbers_of_64_bits_are_drawn_stored_and_exported_in_every_language(clie
         assert csv.status_code == 200 and f"{2 * 2**48 + 2**48 - 1}" in csv.text
 
 
+@pytest.mark.sweep(8)
 def test_two_machines_behind_one_unit_are_commanded_and_shown_each_by_itself(tmp_path: Path, rack: Rack) -> None:
     second = PLANT[PLANT.index("[equipment.r1]") :].replace("r1", "r2").replace("Rack 1", "Rack 2") + "base = 100\n"
     folder = tmp_path / "plant"

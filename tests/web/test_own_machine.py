@@ -156,6 +156,7 @@ def test_a_mistake_in_its_files_is_told_with_its_place(
     assert any(told in one for one in mistakes(folder)), mistakes(folder)
 
 
+@pytest.mark.sweep(8)
 def test_every_type_of_ours_can_be_one_of_a_plant_and_has_pages_there(tmp_path: Path) -> None:
     folder, kinds = tmp_path / "plant", types.names()
     text = '[plant]\nname = "Yard"\ntimezone = "UTC"\n[links.l]\ntransport = "tcp"\nhost = "127.0.0.1"\nport = 502\n'
@@ -207,6 +208,7 @@ def simulated(folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.sweep(8)
 def test_by_its_description_it_is_simulated_commanded_and_counts(tmp_path: Path) -> None:
     with house(Settings(plant=simulated(write(tmp_path / "plant")), data=tmp_path / "data")) as browser:
         assert runtime_of(browser).problems == []

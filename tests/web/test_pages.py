@@ -191,6 +191,7 @@ UNKNOWN_ALARMS = {
 NO_ALARM = {"hr": "Nema aktivnih", "en": "No active", "de": "Keine anstehenden", "cs": "Žádné aktivní"}
 
 
+@pytest.mark.sweep(8)
 def test_a_broken_plant_is_explained_on_every_page(start: Start, tmp_path: Path) -> None:
     (tmp_path / "plant").mkdir()
     (tmp_path / "plant" / "plant.toml").write_text(

@@ -80,6 +80,7 @@ class Reader(House):
         return "\n".join(Still(answer.text).found)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("plant", ["feeding", "drive_steps", "crane", "epos", "sinamics", "hall", "belts", "demo"])
 def test_what_a_page_says_of_a_value_follows_it(tmp_path: Path, plant: str) -> None:
     left: list[Any] = []

@@ -98,6 +98,7 @@ def test_only_what_one_may_use_is_found(staff: Staff, role: str, sees: set[str],
     assert not found & not_sees
 
 
+@pytest.mark.sweep(8)
 def test_everything_that_can_be_found_is_there(staff: Staff) -> None:
     """Each address once, as somebody who may do everything."""
     plant, _ = read_plant(DEMO)

@@ -202,6 +202,7 @@ TOLD = {
 }
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_mixed_state_is_told_in_the_readers_language(staff: Staff, ivo: Operator, language: str) -> None:
     """The drive takes F116 and refuses F117, and does not take F116 back."""

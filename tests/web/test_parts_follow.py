@@ -18,6 +18,7 @@ PLANTS = ("demo", "feeding", "drive_steps", "belts")
 """Those whose screens have parts."""
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("plant", PLANTS)
 def test_a_part_names_every_tag_that_it_is_made_of(tmp_path: Path, plant: str) -> None:
     forgotten: list[Any] = []
@@ -33,6 +34,7 @@ def test_a_part_names_every_tag_that_it_is_made_of(tmp_path: Path, plant: str) -
     assert forgotten == []
 
 
+@pytest.mark.sweep(8)
 def test_the_hand_finds_what_a_part_forgets(tmp_path: Path) -> None:
     """Or the test above would be green whatever a part forgets."""
     with virtual.house(Settings(data=tmp_path / "data", plant=ROOT / "plants" / "feeding")) as client:

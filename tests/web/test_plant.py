@@ -46,6 +46,7 @@ def test_the_page_says_when_the_files_are_what_runs(staff: Staff) -> None:
     assert "The files are the plant that runs." in page and 'name="digest"' not in page
 
 
+@pytest.mark.sweep(8)
 def test_changes_are_read_confirmed_and_taken(staff: Staff, folder: Path) -> None:
     (folder / "plant.toml").write_text(LONGER, "utf-8")
     page = staff.client.get("/plant").text

@@ -89,6 +89,7 @@ def test_a_broken_screen_says_what_is_wrong_and_everything_else_runs(start: Star
     assert client.get("/screens/hall").status_code == client.get("/equipment/m1").status_code == 200
 
 
+@pytest.mark.sweep(8)
 def test_what_is_not_known_is_drawn_as_such_and_never_left_out(start: Start, folder: Path) -> None:
     (folder / "screens" / "one.svg").write_text(
         '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><rect data-tag="m1.running" data-show="1" data-class="d-run:1"/>'
@@ -140,6 +141,7 @@ def test_the_box_of_a_value_stands_where_its_numbers_say(start: Start, folder: P
     assert '<foreignObject x="0.5" y="59.84"' in start(folder).get("/screens/one").text
 
 
+@pytest.mark.sweep(8)
 def test_screens_stand_in_the_order_that_their_files_say_and_the_others_after_them(start: Start, folder: Path) -> None:
     for name, told in (("b", "place = 2"), ("c", ""), ("d", "place = 1"), ("a", "")):
         shutil.copy(folder / "screens" / "hall.svg", folder / "screens" / f"{name}.svg")

@@ -52,6 +52,7 @@ def addresses(house: House) -> Iterator[str]:
         yield from (f"{first}/faceplate", f"{first}/commands", f"/api/v1/equipment/{id}")
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("plant", PLANTS)
 def test_no_value_of_a_machine_ends_a_page(tmp_path: Path, plant: str) -> None:
     wrong = []
@@ -75,6 +76,7 @@ def test_no_value_of_a_machine_ends_a_page(tmp_path: Path, plant: str) -> None:
     assert wrong == []
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("plant", "key", "said"), [("belts", "device_line_length", 1e38), ("crane", "bridge_max_position", -3.4e38)]
 )

@@ -167,6 +167,7 @@ def test_one_is_told_in_every_language(staff: Staff, lang: str) -> None:
     staff.client.cookies.delete("pogon_lang")
 
 
+@pytest.mark.sweep(8)
 def test_a_guest_reads_that_it_was_somebody_and_nothing_that_they_wrote(staff: Staff) -> None:
     span = "from=2026-03-09T00:00:00Z&to=2026-03-10T00:00:00Z&events=true"
     roads = [f"/records/run/detail/{one.id}" for one in found(staff)] + [f"/api/v1/records/run?{span}&limit=100"]

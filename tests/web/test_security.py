@@ -141,6 +141,7 @@ def test_a_socket_opened_by_another_site_is_refused(broken: TestClient) -> None:
         pass
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("proxy", "believed"), [("127.0.0.1", True), ("10.0.0.7, 127.0.0.1", True), ("10.0.0.7", False), ("", False)]
 )
@@ -167,6 +168,7 @@ def test_head_is_answered_as_get_without_its_body(broken: TestClient, path: str)
     assert head.headers.get("content-type") == whole.headers.get("content-type")
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("path", ["/alarms.csv", "/audit.csv", "/history/export.csv", "/events/export.csv"])
 def test_an_export_is_not_read_whole_for_its_head(broken: TestClient, path: str) -> None:
     assert broken.head(path).status_code == 405

@@ -60,6 +60,7 @@ def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
         yield client
 
 
+@pytest.mark.sweep(8)
 def test_the_run_keeps_what_it_was_given_and_by_whom(plant: TestClient) -> None:
     ana, tags = Operator(Staff(plant), "ana", ("operator",)), runtime_of(plant).tags
     ana.take("all1")

@@ -45,6 +45,7 @@ def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
         yield client
 
 
+@pytest.mark.sweep(8)
 def test_the_page_counts_the_passes_of_those_that_were_given(plant: TestClient) -> None:
     ana = Operator(Staff(plant), "ana", ("operator",))
     ana.take("steps1")

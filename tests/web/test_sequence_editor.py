@@ -64,6 +64,7 @@ def test_the_page_shows_a_step_as_fields_and_as_the_text_of_the_file(staff: Staf
     assert "does not hold now" in page or "not known now" in page
 
 
+@pytest.mark.sweep(8)
 def test_actions_are_called_as_their_machine_calls_them(start: Start) -> None:
     people = Staff(start(plant=bundled("plants/demo")))
     people.enter("ivana", "engineer")
@@ -128,6 +129,7 @@ def test_keys_that_no_field_has_stay_in_the_text_and_are_named(staff: Staff) -> 
     assert "branch = [3, 4]  # mine" in text_of(window.send("fields", maximum="80").text)
 
 
+@pytest.mark.sweep(8)
 def test_steps_are_added_moved_and_removed(staff: Staff) -> None:
     answer = Window(staff, "2").send("do", do="add_step")
     assert (answer.status_code, answer.headers["location"]) == (303, f"{URL}?section=3")
@@ -139,6 +141,7 @@ def test_steps_are_added_moved_and_removed(staff: Staff) -> None:
     assert text_of(Window(staff, "2").page).startswith("[[steps]]\nkey = &#34;feed&#34;")
 
 
+@pytest.mark.sweep(8)
 def test_orders_and_permissives_are_added_and_removed(staff: Staff) -> None:
     Window(staff, "2").send("do", do="add_order")
     text = text_of(Window(staff, "2").page)
@@ -216,6 +219,7 @@ def test_a_window_from_before_the_draft_was_given_up_does_not_bring_it_back(staf
     assert "As in the file" in Window(staff, "2").page
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("language", "number", "missing", "sentence", "toml"),
     [
@@ -248,6 +252,7 @@ def test_mistakes_are_told_in_the_language_of_who_edits(
     staff.client.cookies.set("pogon_lang", "en")
 
 
+@pytest.mark.sweep(8)
 def test_whether_a_condition_of_the_draft_holds_is_told_as_it_is_now(staff: Staff) -> None:
     """It was told as it had been when the page was drawn."""
     house = House(staff.client)

@@ -67,6 +67,7 @@ def test_values_of_a_run_are_fields_of_the_head(staff: Staff) -> None:
     assert 'name="recipe.2.key"' not in send(staff, "do", do="remove_recipe:2")
 
 
+@pytest.mark.sweep(8)
 def test_a_time_may_be_a_value_of_the_run(staff: Staff) -> None:
     first = page(staff, "2")
     assert 'list="ed-recipe"' in first and '<option value="recipe.duration">' in first
@@ -75,6 +76,7 @@ def test_a_time_may_be_a_value_of_the_run(staff: Staff) -> None:
     assert "recipe.frequency" in hint(send(staff, "fields", "2", minimum="recipe.time"), "minimum")
 
 
+@pytest.mark.sweep(8)
 def test_branches_and_loops_are_added_checked_and_removed(staff: Staff) -> None:
     before = file(staff)
     shown = send(staff, "do", do="add_branches")
@@ -94,6 +96,7 @@ def test_branches_and_loops_are_added_checked_and_removed(staff: Staff) -> None:
     assert file(staff).strip() == before.strip()
 
 
+@pytest.mark.sweep(8)
 def test_a_loop_is_counted_by_a_number_or_a_value_of_the_run(staff: Staff) -> None:
     send(staff, "do", do="add_loops")
     send(staff, "do", do="add_recipe")

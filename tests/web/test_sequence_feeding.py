@@ -45,6 +45,7 @@ def test_its_number_of_products_is_asked_and_checked(staff: Staff) -> None:
     assert "action = &#34;feed&#34;" in text_of(Window(staff, "2").page)
 
 
+@pytest.mark.sweep(8)
 def test_a_trial_that_is_refused_says_what_is_missing(staff: Staff) -> None:
     """The line is never put into automatic."""
     Window(staff, "1").send("do", do="remove_order:1")

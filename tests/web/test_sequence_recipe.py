@@ -57,6 +57,7 @@ def test_what_is_outside_is_refused_by_name(ana: Operator, plant: TestClient, gi
     assert values(plant) == before
 
 
+@pytest.mark.sweep(8)
 def test_a_run_keeps_them_and_says_them_ever_after(ana: Operator, plant: TestClient) -> None:
     ana.language = "de"
     page = ana.get("/equipment/steps1", fragment=False).text

@@ -84,6 +84,7 @@ def test_it_is_taken_with_a_reason_as_the_same_text_that_an_integrator_writes(st
     assert "Step “Feed”: Minimum time: 20 → 25" in page
 
 
+@pytest.mark.sweep(8)
 def test_a_draft_is_tried_out_before_it_is_taken_and_the_outcome_is_told_in_words(staff: Staff) -> None:
     Window(staff, "2").send("fields", minimum="2")
     assert "Try it out" in staff.client.get(f"{URL}/review").text
@@ -227,6 +228,7 @@ def test_a_plant_that_is_not_taken_puts_the_file_back(
     assert refused.status_code == 409 and "the plant runs on as it is" in refused.text and written(folder) == FILE
 
 
+@pytest.mark.sweep(8)
 def test_a_former_revision_comes_back_as_a_new_one(staff: Staff, folder: Path) -> None:
     Window(staff, "2").send("fields", minimum="25")
     take(staff)

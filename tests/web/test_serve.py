@@ -83,6 +83,7 @@ def test_a_plant_starts_without_the_collector_and_whatever_comes_of_it_the_colle
     assert gc.isenabled()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.usefixtures("collector")
 async def test_the_collector_works_as_soon_as_the_port_is_open(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     async def opened(_self: uvicorn.Server, sockets: object = None) -> None:

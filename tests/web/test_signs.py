@@ -17,6 +17,7 @@ def holder(client: TestClient) -> str:
     return held.display if held else ""
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("pages", "kept"), [(True, True), (False, False)])
 def test_who_works_on_the_pages_keeps_control_without_a_command(
     start: Start, monkeypatch: pytest.MonkeyPatch, pages: bool, kept: bool

@@ -68,6 +68,7 @@ async def astray(client: TestClient) -> int:
     return worst
 
 
+@pytest.mark.sweep(8)
 def test_a_pause_is_told_as_a_pause_and_not_as_a_fault(staff: Staff) -> None:
     client, runtime = staff.client, runtime_of(staff.client)
     assert runtime.sim is not None
@@ -105,6 +106,7 @@ def test_commands_to_a_paused_machine_are_refused_with_that_reason(staff: Staff)
     assert fault.status_code == 409 and "The simulation is paused" in fault.text
 
 
+@pytest.mark.sweep(8)
 def test_a_faster_plant_keeps_its_links_and_the_times_of_the_server(staff: Staff) -> None:
     client, runtime = staff.client, runtime_of(staff.client)
     assert runtime.sim is not None

@@ -76,6 +76,7 @@ def grid(client: TestClient, path: str = "/") -> str:
     return page[page.index('<div class="ov-grid') : page.index('id="alarm-summary"')]
 
 
+@pytest.mark.sweep(8)
 def test_who_comes_at_the_same_moment_costs_a_part_of_the_first(client: TestClient) -> None:
     work_of(client, "/")
     client.pass_time(1)  # type: ignore[attr-defined]
@@ -157,6 +158,7 @@ def test_every_language_has_tiles_of_its_own(client: TestClient) -> None:
     assert len(seen) == 4
 
 
+@pytest.mark.sweep(8)
 def test_nothing_of_one_person_reaches_another(client: TestClient) -> None:
     staff = Staff(client)
     ada = Operator(staff, "ada", ("admin", "engineer", "operator"))

@@ -76,6 +76,7 @@ def test_the_page_has_them_in_every_language_and_an_area_has_its_own(running: Vi
     assert running.get("/today?area=attic").status_code == 404
 
 
+@pytest.mark.sweep(20)
 def test_a_restart_takes_nothing_away_and_adds_nothing(folder: Path, tmp_path: Path) -> None:
     settings = Settings(plant=folder, data=tmp_path / "data")
     with house(settings, begin=NOON) as client:
@@ -87,6 +88,7 @@ def test_a_restart_takes_nothing_away_and_adds_nothing(folder: Path, tmp_path: P
     assert found["Fan 1"].startswith("7 min ")
 
 
+@pytest.mark.sweep(8)
 def test_a_new_day_begins_at_midnight_of_the_plant(folder: Path, tmp_path: Path) -> None:
     with house(Settings(plant=folder, data=tmp_path / "data"), begin=LATE) as client:
         client.pass_time(115)
@@ -97,6 +99,7 @@ def test_a_new_day_begins_at_midnight_of_the_plant(folder: Path, tmp_path: Path)
     assert re.match(r"3 min Starts 0 0\.\d\d kWh 0$", found["Fan 1"])
 
 
+@pytest.mark.sweep(8)
 def test_whoever_looks_within_seconds_costs_nothing(running: VirtualClient, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[int] = []
     read = today.read_day
@@ -115,6 +118,7 @@ def test_whoever_looks_within_seconds_costs_nothing(running: VirtualClient, monk
     assert len(asked) == 2
 
 
+@pytest.mark.sweep(8)
 def test_a_history_that_is_slow_keeps_no_page_shut(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

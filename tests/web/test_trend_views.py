@@ -177,6 +177,7 @@ def test_a_view_keeps_nothing_that_an_address_does_not_say(staff: Staff) -> None
     assert rows(staff)["Odd"][0] == "/trends?tags=m1.speed&span=8h"
 
 
+@pytest.mark.sweep(8)
 def test_there_are_fifty_views_and_no_more(staff: Staff) -> None:
     enter(staff, "hoarder", "operator")
     for number in range(MOST_VIEWS):

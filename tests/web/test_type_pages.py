@@ -76,6 +76,7 @@ def test_the_sheets_and_scripts_of_a_type_are_on_its_page_and_its_symbol_exists(
     assert Assets(bundled("static")).of_screen("nobody", ".css", ".js") == []
 
 
+@pytest.mark.sweep(8)
 def test_the_demo_shows_every_type_with_what_it_brings(client: TestClient) -> None:
     plant = client.app.state.runtime.plant  # type: ignore[attr-defined]
     assets = Assets(bundled("static"))
@@ -109,6 +110,7 @@ def test_the_work_of_a_page_is_done_beside_the_loop(monkeypatch: pytest.MonkeyPa
     assert isinstance(found, int) and found != threading.get_ident()
 
 
+@pytest.mark.sweep(8)
 def test_all_that_a_machine_reports_stands_on_a_page_that_is_no_tab(client: TestClient) -> None:
     """Of the drive the block 0x1000 to 0x1018 as a whole: what its own page does not draw, too."""
     client.cookies.set("pogon_lang", "en")

@@ -93,6 +93,7 @@ def own_names(environment: Environment, template: str) -> set[str]:
     return imported | given | {macro.name for macro in parsed.find_all(nodes.Macro)}
 
 
+@pytest.mark.sweep(8)
 def test_no_template_takes_a_name_that_all_of_them_have() -> None:
     """A name given here hides that of the house in whatever is included or imported from here."""
     environment = View(Assets(bundled("static")))._environment(Texts.read(), "en")

@@ -59,6 +59,7 @@ def test_what_everybody_follows_is_not_guarded_and_links_history_and_parameters_
     assert not [name for name in page_tags("overview", runtime(staff).plant, runtime(staff).points) if name in found]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("who", ["guest", "viewer"])
 def test_no_road_gives_a_guarded_value_to_who_may_not_open_its_page(staff: Staff, who: str) -> None:
     staff.have()
@@ -107,6 +108,7 @@ def test_names_that_nobody_knows_are_told_and_too_many_are_too(staff: Staff) -> 
 # ---- pages ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("roles", [(), ("viewer",), ("operator",)])
 def test_whoever_may_open_a_page_may_follow_it(staff: Staff, roles: tuple[str, ...]) -> None:
     """Else it would say for ever that the server is gone. All pages that a person comes to from the overview by what is pressed."""
@@ -140,6 +142,7 @@ def follow(staff: Staff, kind: str) -> dict[str, Any]:
 # ---- names of people --------------------------------------------------------------------------------------
 
 
+@pytest.mark.sweep(8)
 def test_no_page_tells_a_visitor_who_anybody_is(staff: Staff) -> None:
     display = "Zvonimira Horvatinčić"
     staff.add("zvonimira", "operator", "engineer")

@@ -30,6 +30,7 @@ async def test_an_anchor_tells_of_a_cut_that_came_before_the_head_was_lost(
     assert (verdict.bad, verdict.why) == (13, "cut")
 
 
+@pytest.mark.sweep(8)
 async def test_an_anchor_after_a_thousand_lines(access: Access, data: Path) -> None:
     for _ in range(ANCHOR_LINES // 100):
         await access.audit.with_entries(

@@ -36,6 +36,7 @@ def compare(case: Case) -> None:
     assert ours.top.x <= TROLLEY_DATA.max_speed and ours.top.y <= HOIST_DATA.max_speed
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("case", TABLE, ids=str)
 def test_stays_within_two_millimetres_and_below_the_original(case: Case) -> None:
     compare(case)

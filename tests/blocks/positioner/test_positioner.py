@@ -103,6 +103,7 @@ def test_stops_within_tolerance_and_never_overshoots(
     assert done.overshoot <= data.resolution or abs(gap) < 5.0
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=15, deadline=None)
 @given(gap=st.floats(-4000, 4000), lag=st.floats(0, 0.2), set_speed=st.floats(5, 132.08), creep=st.booleans())
 def test_hoist_likewise_with_and_without_slow_travel(gap: float, lag: float, set_speed: float, creep: bool) -> None:

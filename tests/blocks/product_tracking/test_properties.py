@@ -4,6 +4,7 @@ import itertools
 import json
 from math import isfinite
 
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -93,6 +94,7 @@ def act_on(tracking: ProductTracking, act: str, number: int, time_us: int) -> Pr
     return tracking
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=300, deadline=None)
 @given(st.data())
 def test_any_scan_and_any_edit_keeps_the_table_whole(data: st.DataObject) -> None:
@@ -127,6 +129,7 @@ def test_any_scan_and_any_edit_keeps_the_table_whole(data: st.DataObject) -> Non
             assert gone <= told, "a record vanished without an event"
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from([0.6, -0.6, 0.0, 1.1, -0.3]), st.integers(1, 150)), min_size=1, max_size=12))
 def test_displacement_of_a_product_is_what_the_encoder_counted(course: list[tuple[float, int]]) -> None:
@@ -144,6 +147,7 @@ def test_displacement_of_a_product_is_what_the_encoder_counted(course: list[tupl
             assert abs(product.right - start - odometer - product.shifted) < 1e-6
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=60, deadline=None)
 @given(
     st.floats(11, 80),
@@ -180,6 +184,7 @@ def true_and_tracked(line: BeltLine) -> list[tuple[float, float, Product]]:
     return pairs
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.tuples(st.sampled_from([30.0, 60.0, 100.0, -20.0, 0.0]), st.integers(5, 200)), min_size=1, max_size=12),

@@ -36,6 +36,7 @@ def test_full_is_told_and_nothing_is_overwritten() -> None:
     assert [id for id, _ in before] == [product.id for product in bench.tracking.products] == [1, 2]
 
 
+@pytest.mark.sweep(8)
 def test_two_hundred_and_fifty_products_fit_when_there_are_slots() -> None:
     line = LineLayout((60_000.0,), (100.0,), (60_000.0,), slots=250)
     bench = Bench(line)

@@ -292,6 +292,7 @@ ACTIONS = st.lists(
 )
 
 
+@pytest.mark.sweep(8)
 @given(ACTIONS)
 def test_whatever_happens_the_block_stays_sane(actions: list[tuple[object, ...]]) -> None:
     bench = Bench(replace(TEN, loss_aborts=True), TEN, TEN, abort_forceable=ALL, stall_after=0.1)

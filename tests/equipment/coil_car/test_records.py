@@ -90,6 +90,7 @@ def test_what_becomes_of_a_coil(events: list[tuple[str, int, float]], wanted: li
     assert outcomes(told(*events)) == wanted
 
 
+@pytest.mark.sweep(8)
 def test_the_virtual_car_tells_what_the_kind_reads() -> None:
     """The same codes as the virtual device puts into its ring: a coil that the sequence transports from the mandrel to a saddle."""
     line = Line()

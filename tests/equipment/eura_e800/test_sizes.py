@@ -36,6 +36,7 @@ def test_there_are_sizes_from_the_smallest_to_the_biggest() -> None:
     assert {size.get("rated_voltage", 230) for size in SIZES.values()} == {230, 400}
 
 
+@pytest.mark.sweep(8)
 async def test_a_running_drive_of_any_size_shows_nothing_doubtful_and_has_no_alarm(tmp_path: Path) -> None:
     start = 'simulation = { start = "forward", F113 = 45.0 }'
     async with running(tmp_path, plant_of(*(f'preset = "{name}"\n{start}' for name in SIZES))) as plant:

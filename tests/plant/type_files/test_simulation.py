@@ -41,6 +41,7 @@ def test_without_the_file_there_is_none_and_an_empty_one_is_a_mistake(tmp_path: 
     assert plant and plant.equipment["l1"].type.simulation is None, problems
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("name", "old", "new", "key", "value", "expected"),
     [

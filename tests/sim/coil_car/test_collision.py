@@ -178,6 +178,7 @@ def test_what_the_interlock_prevents_happens_without_it(
             assert told == [(movement + 1, block)]
 
 
+@pytest.mark.sweep(8)
 def test_without_the_interlock_the_same_commotion_collides() -> None:
     kinds = []
     for seed in range(12):

@@ -87,6 +87,7 @@ def test_a_power_cycle_keeps_the_world_the_settings_and_the_counters() -> None:
     assert value(car, "coil_on_car") == 0 and value(car, "automatic_horizontal") == 400 and car.boots == 1
 
 
+@pytest.mark.sweep(8)
 def test_the_same_writes_give_the_same_run() -> None:
     def once() -> list[list[int]]:
         car, talker = line(start="automatic", coil=True)

@@ -87,6 +87,7 @@ async def test_the_last_belt_moves_alone_by_hand_and_its_jam_is_told(belts: int)
 BUILDS = [(1, 1), (1, 9), (2, 1), (3, 32), (9, 20), (16, 32)]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("belts", "sensors"), BUILDS)
 def test_products_keep_their_order_their_place_and_their_length_on_any_line(belts: int, sensors: int) -> None:
     """The soak runs ten thousand of them over many lines."""
@@ -108,6 +109,7 @@ def by_hand(seed: int, belts: int, goal: int) -> Soak:
     return Soak(line, seed=seed, goal=goal, happens=(REMOVED, PUT))
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("seed", "belts"), [(1, 1), (3, 6)])
 async def test_what_a_hand_takes_off_any_line_or_puts_on_it_is_told(seed: int, belts: int) -> None:
     soak = by_hand(seed, belts, 12)

@@ -66,6 +66,7 @@ def whole(plc: VirtualConveyor) -> None:
     assert follow.entered + follow.found + follow.inserted == records + gone
 
 
+@pytest.mark.sweep(8)
 def test_a_gate_diverts_the_class_that_the_scanner_read_and_no_other() -> None:
     watch = Watch(sorting())
     watch.go(300)
@@ -98,6 +99,7 @@ def passed(watch: Watch) -> set[int]:
     )
 
 
+@pytest.mark.sweep(8)
 def test_an_alternating_gate_takes_every_second_one() -> None:
     watch = Watch(sorting(Geometry(gates=(GatePlan(330.0, Rule.ALTERNATING),)), scanner=0, not_read=0.0))
     watch.go(200)
@@ -106,6 +108,7 @@ def test_an_alternating_gate_takes_every_second_one() -> None:
     whole(watch.plc)
 
 
+@pytest.mark.sweep(8)
 def test_a_gate_counts_only_products_that_come_to_it() -> None:
     """The second of two alternating gates takes every second one of those that the first leaves."""
     plans = GatePlan(300.0, Rule.ALTERNATING), GatePlan(330.0, Rule.ALTERNATING)
@@ -141,6 +144,7 @@ def sweep(seed: int, seconds: float) -> int:
     return sum(follow.diverted)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(4))
 def test_none_is_lost_or_doubled_on_any_line_with_gates(seed: int) -> None:
     assert sweep(seed, 90) > 3
@@ -233,6 +237,7 @@ async def test_gates_and_what_is_in_them_outlive_the_supply() -> None:
     whole(line.device)
 
 
+@pytest.mark.sweep(8)
 def test_the_type_reads_what_the_plc_says_of_its_gates() -> None:
     geometry = Geometry(gates=(GatePlan(270.0, Rule.ALTERNATING, 0.0, 0.7), GatePlan(330.5, Rule.CLASS, 2.0)))
     plc = sorting(geometry)

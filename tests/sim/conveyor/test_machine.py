@@ -141,6 +141,7 @@ async def test_the_unloader_does_not_reach_the_next_one_when_the_one_it_was_told
     assert told == [(5, first), (11, first), (5, second)]
 
 
+@pytest.mark.sweep(8)
 async def test_a_full_buffer_holds_the_infeed_and_loses_nothing() -> None:
     on = running(slots=5, settings={**QUICK, "unload_dwell": 8.0}, interval=2.0)
     witness = Witness(on)

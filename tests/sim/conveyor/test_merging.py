@@ -109,6 +109,7 @@ def sound(plc: VirtualConveyor) -> None:
     assert abs(follow.unloaded - machine.unloaded) <= 1
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("mode", Mode)
 def test_products_of_a_lane_come_in_between_those_of_the_line(mode: Mode) -> None:
     watch = Watch(joined(mode, interval=6.0, lane_interval=8.0))
@@ -120,6 +121,7 @@ def test_products_of_a_lane_come_in_between_those_of_the_line(mode: Mode) -> Non
     assert ids != sorted(ids), "a later record that came in before an earlier one leaves before it"
 
 
+@pytest.mark.sweep(8)
 def test_with_the_line_first_the_lane_waits_as_long_as_there_is_no_gap() -> None:
     watch = Watch(joined(Mode.LINE, interval=0.6, lane_interval=0.0))
     plc = watch.plc
@@ -134,6 +136,7 @@ def test_with_the_line_first_the_lane_waits_as_long_as_there_is_no_gap() -> None
     sound(plc)
 
 
+@pytest.mark.sweep(8)
 def test_with_the_lane_first_the_line_waits_at_the_end_of_the_belt_before() -> None:
     watch = Watch(joined(Mode.LANE, interval=1.0, lane_interval=0.0))
     plc = watch.plc
@@ -156,6 +159,7 @@ def test_with_the_lane_first_the_line_waits_at_the_end_of_the_belt_before() -> N
     assert lanes[first : first + 3].count(1) >= 2, lanes
 
 
+@pytest.mark.sweep(8)
 def test_in_turn_they_go_one_by_one() -> None:
     watch = Watch(joined(Mode.IN_TURN, interval=1.0, lane_interval=1.0))
     watch.go(240)
@@ -282,6 +286,7 @@ def sweep(seed: int, seconds: float) -> tuple[int, int]:
     return sum(plc.tracking.merged), plc.tracking.entered
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(4))
 def test_none_is_lost_or_doubled_on_any_line_with_lanes(seed: int) -> None:
     merged, entered = sweep(seed, 90)
@@ -294,6 +299,7 @@ def test_none_is_lost_or_doubled_on_forty_lines_with_lanes(seed: int) -> None:
     sweep(seed, 900)
 
 
+@pytest.mark.sweep(8)
 def test_the_type_reads_what_the_plc_says_of_its_merging_gates() -> None:
     plans = (MergePlan(250.0, Mode.LINE, 12.0, 30.0), MergePlan(400.5, Mode.IN_TURN, 20.0, 45.0))
     plc = VirtualConveyor(

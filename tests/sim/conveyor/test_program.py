@@ -160,6 +160,7 @@ async def test_a_power_cycle_keeps_tracking() -> None:
     assert not [event for event in on.events if event.code in (11, 12)]
 
 
+@pytest.mark.sweep(8)
 async def test_the_same_seed_and_writes_repeat_a_run_to_the_bit() -> None:
     async def run(seed: int) -> list[object]:
         on = running(seed=seed)
@@ -182,6 +183,7 @@ async def test_the_same_seed_and_writes_repeat_a_run_to_the_bit() -> None:
     assert one != other
 
 
+@pytest.mark.sweep(8)
 async def test_positions_stay_within_the_tolerance_in_normal_running() -> None:
     worst = 0.0
     for seed, geometry in ((1, Geometry()), (2, SIMULATION)):

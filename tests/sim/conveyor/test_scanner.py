@@ -1,5 +1,7 @@
 """The scanner of a line: what it reads stands in the row of the right product, in the ring, and stays."""
 
+import pytest
+
 from app.plant import types
 from app.registers.codec import decode
 from app.registers.plc_map import TABLE_HEAD, long_words
@@ -32,6 +34,7 @@ def rows(plc: VirtualConveyor) -> dict[int, dict[str, float]]:
     return found
 
 
+@pytest.mark.sweep(8)
 async def test_what_is_printed_on_each_product_stands_in_its_row_once_it_has_passed_the_scanner() -> None:
     for seed in (1, 2):
         plc = scanning(3, layout(seed, belts=4, sensors=6), seed=seed, slots=30)

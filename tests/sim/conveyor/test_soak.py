@@ -263,6 +263,7 @@ def device(seed: int, geometry: Geometry | None = None) -> VirtualConveyor:
     return VirtualConveyor(geometry, seed=seed, interval=2.0, settings=QUICK)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("road", ["memory", "tcp"])
 async def test_three_hundred_products_with_every_fault(road: str) -> None:
     line = TestLine(device(11))

@@ -1,5 +1,7 @@
 """What an instructor does to the line."""
 
+import pytest
+
 from app.sim import training
 from app.sim.conveyor import training as own
 from tests.sim.conveyor.bench import line, put, running
@@ -21,6 +23,7 @@ async def test_a_sensor_pressed_by_hand_moves_nothing_and_is_told_when_it_fits_n
     assert (12, 4) in await on.codes()
 
 
+@pytest.mark.sweep(8)
 async def test_a_reset_of_the_instructor_forgets_everything() -> None:
     on = running(seed=4)
     on.go(15)

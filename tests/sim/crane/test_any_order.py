@@ -91,6 +91,7 @@ class Chaos:
                     stand.talker.commit({"hoist_slow_down_time": random.uniform(1.0, 6.0)}, STAGING)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(6))
 def test_no_order_fault_or_timing_makes_it_do_what_it_must_not(seed: int) -> None:
     chaos = Chaos(seed)
@@ -98,6 +99,7 @@ def test_no_order_fault_or_timing_makes_it_do_what_it_must_not(seed: int) -> Non
     assert chaos.stand.crane.cycle.state in StepState
 
 
+@pytest.mark.sweep(8)
 def test_the_runs_do_move_the_crane() -> None:
     moved = 0.0
     for seed in range(100, 102):

@@ -404,6 +404,7 @@ def test_without_an_encoder_the_axis_creeps_and_keeps_its_last_position() -> Non
 # ---- automatic
 
 
+@pytest.mark.sweep(8)
 def test_a_cycle_brings_the_ladle_from_stand_to_stand_and_tells_every_step_in_the_order_of_the_thesis() -> None:
     stand = Stand()
     crane = stand.crane
@@ -453,6 +454,7 @@ OFTEN = (Step.TO_LOCK, Step.ARC_LIFT, Step.TO_SET_DOWN)
 PAUSES = [step for step in Step if step >= 100 and step not in (Step.SAFE_HEIGHT, Step.WEIGHT_CONFIRMATION)]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "step", [step if step in OFTEN else pytest.param(step, marks=pytest.mark.soak) for step in PAUSES]
 )
@@ -490,6 +492,7 @@ def test_an_axis_whose_motor_is_too_hot_when_its_turn_comes_suspends_instead_of_
     until_step(stand, Step.INTO_LOCK)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("fault", "why"),
     [
@@ -523,6 +526,7 @@ def test_a_fault_during_the_arc_suspends_and_the_cycle_is_resumed_after_the_rese
     assert crane.load.stand == (2 if step is Step.ARC_LOWERING else 0)
 
 
+@pytest.mark.sweep(8)
 def test_a_lever_suspends_and_what_it_moved_away_is_asked_back() -> None:
     stand = in_step(Step.TO_SET_DOWN)
     crane = stand.crane
@@ -543,6 +547,7 @@ def test_a_lever_suspends_and_what_it_moved_away_is_asked_back() -> None:
     assert stand.ask(CraneCommand.RESUME) is DONE
 
 
+@pytest.mark.sweep(8)
 def test_an_abort_leaves_the_load_where_it_is_and_a_new_cycle_is_refused() -> None:
     stand = in_step(Step.LOADED_SAFE_HEIGHT)
     crane = stand.crane
@@ -557,6 +562,7 @@ def test_an_abort_leaves_the_load_where_it_is_and_a_new_cycle_is_refused() -> No
     assert stand.reason(CraneCommand.RESUME) == CraneReason.NO_CYCLE
 
 
+@pytest.mark.sweep(8)
 def test_a_power_cycle_suspends_a_cycle_that_can_be_resumed() -> None:
     stand = in_step(Step.ARC_LIFT)
     crane = stand.crane
@@ -572,6 +578,7 @@ def test_a_power_cycle_suspends_a_cycle_that_can_be_resumed() -> None:
     until_step(stand, Step.LOADED_SAFE_HEIGHT)
 
 
+@pytest.mark.sweep(8)
 def test_stop_stops_everything_and_suspends() -> None:
     stand = in_step(Step.TO_SET_DOWN)
     crane = stand.crane
@@ -608,6 +615,7 @@ def test_a_cycle_that_cannot_be_is_refused(start: int, end: int, planned: float,
     assert stand.reason(CraneCommand.START_CYCLE, start, end, real(planned)) == why
 
 
+@pytest.mark.sweep(8)
 def test_it_works_by_itself_when_nobody_commands_it() -> None:
     stand = Stand(start="automatic", orders=True, pause=1)
     stand.until(lambda: stand.crane.cycles_done == 2, 700)
@@ -625,6 +633,7 @@ def test_a_crane_that_orders_its_own_cycles_moves_soon_after_it_was_switched_on_
 # ---- the original's formulas
 
 
+@pytest.mark.sweep(8)
 def test_the_formulas_of_the_original_lift_too_and_are_farther_from_the_circle() -> None:
     def worst(mode: int) -> float:
         """Farthest that the load is from the circle [mm]."""

@@ -46,6 +46,7 @@ def test_circular_lift_stays_on_the_circle_where_the_formulas_of_the_original_do
         assert max(abs(error) for _, error in curve) <= found[name]
 
 
+@pytest.mark.sweep(8)
 def test_a_sequence_brings_the_ladle_over_and_tells_every_step_as_it_was() -> None:
     run = run_sequence()
     assert run.done

@@ -181,6 +181,7 @@ def test_noise_makes_no_value_doubtful(tmp_path: Path) -> None:
     assert min(seen) == 0 and 0.005 < max(seen) < 0.05
 
 
+@pytest.mark.sweep(8)
 def test_values_stop_at_the_end_of_their_registers(tmp_path: Path) -> None:
     folder = write_own(tmp_path)
     own = folder / "equipment" / "logger" / "simulation.toml"

@@ -75,6 +75,7 @@ async def fallen(read: Read, seen: int) -> tuple[list[tuple[int, int, int]], int
     return found, newest
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("road", ["memory", "tcp"])
 async def test_the_ring_tells_which_of_two_fell_first(road: str) -> None:
     """Suspended, so that neither stops the sequence before the other has fallen; the resume then must blame the first."""

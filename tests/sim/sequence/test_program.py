@@ -212,6 +212,7 @@ def test_an_abort_keeps_the_first_out_with_value_time_and_snapshot() -> None:
     assert word(plc, 39) == ALL
 
 
+@pytest.mark.sweep(8)
 def test_an_abort_condition_of_the_machine_stops_everything() -> None:
     line = Line()
     line.start()
@@ -233,6 +234,7 @@ def test_an_abort_condition_of_the_machine_stops_everything() -> None:
 # ---- with its machine
 
 
+@pytest.mark.sweep(8)
 def test_a_coil_goes_from_the_mandrel_to_a_saddle_and_the_next_follows_by_itself() -> None:
     line = Line()
     line.sequence.ask(SequenceCommand.AUTOMATIC_ON)
@@ -248,6 +250,7 @@ def test_a_coil_goes_from_the_mandrel_to_a_saddle_and_the_next_follows_by_itself
     assert line.car.signal("collision") == 0
 
 
+@pytest.mark.sweep(8)
 def test_a_suspended_transport_stands_and_goes_on() -> None:
     line = Line()
     line.start()
@@ -343,6 +346,7 @@ def test_the_initial_state_forgets_everything() -> None:
     assert (long(plc, 14), plc.boots, f32(step_row(plc, 2), 8), word(plc, 1)) == (0, 1, 1.0, 0)
 
 
+@pytest.mark.sweep(8)
 def test_the_same_writes_give_the_same_run() -> None:
     def once() -> list[list[int]]:
         line = Line()

@@ -39,6 +39,7 @@ def machine_of(device: VirtualSequence) -> object:
     return device.machine
 
 
+@pytest.mark.sweep(8)
 def test_a_transport_passes_in_the_time_of_its_machine() -> None:
     one = result(
         COIL,
@@ -118,6 +119,7 @@ def test_the_mode_of_the_machine_is_automatic_unless_given() -> None:
     assert result(COIL, [START], {"at": 1.0, "state": "running"}).ok
 
 
+@pytest.mark.sweep(8)
 def test_each_test_has_a_fresh_machine_and_the_same_result_every_time() -> None:
     tests = (
         SequenceTest("one", COIL, (START,), ({"within": 90.0, "state": "done"},)),

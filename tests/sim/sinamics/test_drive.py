@@ -180,6 +180,7 @@ WORLD = {own.REG_INTERLOCK: (0, 1), own.REG_EMERGENCY: (0, 1), own.REG_LOCAL: (0
          own.REG_LOAD: (0, 15, 150), REG_MACHINE_FAULT: (0, 0, 0, *FAULTS, *ALARMS)}  # fmt: skip
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(24))
 def test_whatever_comes_in_whatever_order_these_always_hold(seed: int) -> None:
     """No torque without pulses, no pulses with an open interlock or a fault that coasts, no start without OFF before it, limits kept."""

@@ -22,6 +22,7 @@ def test_a_blocked_motor_trips_after_a_second_at_the_limit_and_the_current_stays
     assert drive.faults == [messages.BLOCKED]
 
 
+@pytest.mark.sweep(8)
 def test_overload_warns_first_and_then_trips() -> None:
     drive = running(setpoint=0x4000)
     drive.write(6, own.REG_LOAD, [100])

@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+import pytest
+
 from app.sim.training import REG_MACHINE_FAULT
 from tests import coil_plant
 from tests.virtual import until
@@ -14,6 +16,7 @@ UNSUPPORTED, STOPPED = 15, 1
 EMERGENCY_STOP = 50
 
 
+@pytest.mark.sweep(8)
 def test_what_holds_a_movement_in_normal_running_does_not_look_missing(start: Start, tmp_path: Path) -> None:
     client = start(plant=coil_plant.write(tmp_path / "plant"))
     runtime = runtime_of(client)

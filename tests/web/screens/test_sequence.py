@@ -133,6 +133,7 @@ WHY_NOT = {
 PRESSURE_LOST = 31
 
 
+@pytest.mark.sweep(8)
 def test_the_headline_says_what_is_so_and_not_what_ought_to_be(start: Start, tmp_path: Path) -> None:
     """Whoever reads "missing: no collision" has to think twice, or takes it that there is none."""
     folder = coil_plant.write(tmp_path / "plant")
@@ -207,6 +208,7 @@ def test_what_nobody_knows_is_not_said_to_be_nothing(plant: TestClient, engineer
     assert unknown not in first()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_what_a_program_that_stands_still_told_last_is_said_to_be_that(
     plant: TestClient, engineer: Operator, lang: str, monkeypatch: pytest.MonkeyPatch
@@ -313,6 +315,7 @@ class Seen(HTMLParser):
             self.parts.append(data)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("lang", "last", "mean", "none"),
     [
