@@ -26,7 +26,7 @@ UNIT = (ROOT / "packaging" / "pogon.service").read_text("utf-8")
 @pytest.mark.sweep(8)
 def test_the_compose_file_follows_the_schema() -> None:
     dclint = [str(Path(sys.executable).with_name("node")), "node_modules/dclint/bin/dclint.cjs", "--max-warnings", "0"]
-    lint = subprocess.run([*dclint, BASE, SERIAL, TLS, EDITOR], cwd=ROOT, capture_output=True, text=True)
+    lint = subprocess.run([*dclint, BASE, SERIAL, ADAPTER, TLS, EDITOR], cwd=ROOT, capture_output=True, text=True)
     assert lint.returncode == 0, lint.stdout + lint.stderr
 
 
@@ -59,7 +59,7 @@ def filled(text: str, **given: str) -> str:
 
 
 BASE, SERIAL, TLS = "docker-compose.yml", "packaging/compose.serial.yml", "packaging/compose.tls.yml"
-EDITOR = "packaging/compose.editor.yml"
+EDITOR, ADAPTER = "packaging/compose.editor.yml", "packaging/compose.adapter.yml"
 
 
 def test_where_sequences_are_edited_in_the_browser_the_plant_may_be_written() -> None:
@@ -109,6 +109,17 @@ def test_the_container_takes_a_serial_line_with_its_group() -> None:
     assert "SupplementaryGroups=dialout" in UNIT and "DeviceAllow=char-ttyUSB rw" in UNIT
 
 
+def test_an_adapter_that_may_be_pulled_is_found_again_and_nothing_else_may_be_opened() -> None:
+    """A device of compose is looked up at the start alone: without its adapter the container did not start, nor when it was back."""
+    service, fixed = composed(BASE, ADAPTER), composed(BASE, SERIAL)
+    assert "devices" not in service and "/dev:/dev:ro" in service["volumes"] and "/dev/shm" in service["tmpfs"]
+    numbers = {"char-ttyUSB": 188, "char-ttyACM": 166}  # of Linux, Documentation/admin-guide/devices.txt
+    assert service["device_cgroup_rules"] == [f"c {number}:* rw" for number in numbers.values()]
+    assert all(f"DeviceAllow={name} rw\n" in UNIT for name in numbers)
+    assert service["group_add"] == fixed["group_add"]
+    assert ADAPTER in (ROOT / "docs" / "operations.md").read_text("utf-8")
+
+
 def test_the_container_takes_tls_files_and_then_believes_no_proxy() -> None:
     service = composed(BASE, TLS)
     (mount,) = (filled(one, TLS_FOLDER="/etc/pogon/tls") for one in service["volumes"] if "TLS" in one)
@@ -126,7 +137,7 @@ def test_the_container_takes_tls_files_and_then_believes_no_proxy() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [BASE, SERIAL, TLS, "Dockerfile", "packaging/pogon.service", "packaging/pogon-tls.conf"]
+    "name", [BASE, SERIAL, ADAPTER, TLS, "Dockerfile", "packaging/pogon.service", "packaging/pogon-tls.conf"]
 )
 def test_every_setting_that_is_named_is_one(name: str) -> None:
     known = {f"POGON_{field.upper()}" for field in Settings.model_fields}
