@@ -15,7 +15,9 @@ RUN python -m venv --without-pip /opt/pogon \
  && /opt/pogon/bin/python -m app.web.compile_templates
 
 FROM python:3.11-slim
-RUN useradd --system --uid 10001 --home-dir /data --shell /usr/sbin/nologin pogon \
+# The numbers are those of the files in the volume: with the next free one of the base image another base would give another group.
+RUN groupadd --gid 10001 pogon \
+ && useradd --uid 10001 --gid pogon --no-log-init --no-create-home --home-dir /data --shell /usr/sbin/nologin pogon \
  && install -d -o pogon -g pogon -m 0700 /data
 COPY --from=build /opt/pogon /opt/pogon
 ENV PATH=/opt/pogon/bin:$PATH \

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import zipfile
+from fnmatch import fnmatch
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from typing import Any
@@ -90,8 +91,31 @@ def test_the_container_takes_any_plant_folder_and_no_more_than_it_needs() -> Non
     assert (service["mem_limit"], unit["MemoryMax"]) == ("1g", "1G")
     assert str(service["pids_limit"]) == unit["TasksMax"]
     assert str(service["ulimits"]["nofile"]) == unit["LimitNOFILE"]
+    assert str(service["ulimits"]["core"]) == unit["LimitCORE"], "the engine has no limit of its own"
+    assert service["stop_grace_period"] == f"{unit['TimeoutStopSec']}s"
     assert service["env_file"] == [{"path": "pogon.env", "required": False}]
     assert "healthcheck" not in service, "that of the image knows https"
+
+
+def test_the_log_of_the_container_does_not_fill_the_disk() -> None:
+    """The engine's own default keeps every line for ever. The driver is named: another default may refuse these options."""
+    log = composed(BASE)["logging"]
+    assert log == {"driver": "json-file", "options": {"max-size": "10m", "max-file": "5"}}
+    assert f"`max-size: {log['options']['max-size']}`" in (ROOT / "docs" / "operations.md").read_text("utf-8")
+
+
+def test_the_file_of_settings_comes_neither_into_the_image_nor_into_the_repository() -> None:
+    """It holds POGON_METRICS_TOKEN, say: a build copied it into its layers, and git offered it."""
+    for one in composed(BASE)["env_file"]:
+        for name in (".dockerignore", ".gitignore"):
+            patterns = (ROOT / name).read_text("utf-8").split()
+            assert any(fnmatch(one["path"], pattern) for pattern in patterns), name
+
+
+def test_user_and_group_of_the_image_are_those_of_any_base() -> None:
+    """What is in the volume belongs to numbers: a group that the base gave was another one on this machine, systemd-journal."""
+    (user,) = re.findall(r"useradd --uid (\d+) --gid pogon ", DOCKERFILE)
+    assert re.findall(r"groupadd --gid (\d+) pogon ", DOCKERFILE) == [user]
 
 
 def test_what_the_file_of_settings_names_is_not_blanked_by_the_compose_file() -> None:
