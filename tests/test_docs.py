@@ -30,8 +30,8 @@ def spoken(text: str) -> list[list[str]]:
     fences = re.findall(r"```(?:sh)?\n(.*?)```", text, re.DOTALL)
     lines = [line.strip() for block in fences for line in block.replace("\\\n", " ").splitlines()]
     found = [*lines, *re.findall(r"`([^`\n]*\bpogon [^`\n]+)`", text)]
-    calls = [call for line in found for call in re.split(r"&&|\|", line) if "pogon " in call]
-    inside = re.compile(r"^docker compose exec( -\S+)* pogon ")  # the service has the command's name
+    calls = [call for line in found for call in re.split(r"&&|\|", line) if re.search(r"(?<![\w-])pogon ", call)]
+    inside = re.compile(r"^ *docker compose (exec|run)( -\S+( /\S+)?)* pogon ")  # the service has the command's name
     calls = [inside.sub("", call) for call in calls]
     return [shlex.split(call.partition("pogon ")[2].partition(">")[0], comments=True) for call in calls]
 
