@@ -299,6 +299,7 @@ def test_the_name_that_others_type_is_told_where_the_server_listens_for_them(tmp
     assert "Others reach it at https://teacher.example:8000/\n" in announcement(create_app(own), own, 8000)
     contained = Settings(**given, tls_cert=tmp_path / "cert.pem", tls_key=tmp_path / "key.pem", published_port=8443)
     assert "Others reach it at https://teacher.example:8443/\n" in announcement(create_app(contained), contained, 8000)
+    assert "Pogon is at https://localhost:8443/ " in announcement(create_app(contained), contained, 8000)
     proxied = Settings(**given, behind_proxy="192.0.2.1")
     assert "Others" not in announcement(create_app(proxied), proxied, 8000), "they come to the port of the proxy"
     near = Settings(data=tmp_path, allowed_hosts="teacher.example")

@@ -32,7 +32,7 @@ def test_the_compose_file_follows_the_schema() -> None:
 
 
 def test_the_container_is_locked_down() -> None:
-    compose = (ROOT / "docker-compose.yml").read_text("utf-8")
+    compose = filled((ROOT / "docker-compose.yml").read_text("utf-8"))
     for line in ("read_only: true", "- ALL", "no-new-privileges:true", "127.0.0.1:8000:8000", "POGON_BEHIND_PROXY:"):
         assert line in compose
     assert not re.search(r"^name:", compose, re.MULTILINE)
@@ -95,6 +95,21 @@ def test_the_container_takes_any_plant_folder_and_no_more_than_it_needs() -> Non
     assert service["stop_grace_period"] == f"{unit['TimeoutStopSec']}s"
     assert service["env_file"] == [{"path": "pogon.env", "required": False}]
     assert "healthcheck" not in service, "that of the image knows https"
+
+
+def test_a_second_plant_on_a_machine_has_a_network_and_a_port_of_its_own() -> None:
+    """With fixed ones the engine refused it: `Pool overlaps with other one on this address space`."""
+    text = (ROOT / BASE).read_text("utf-8")
+    for given in ({}, {"SUBNET": "172.30.81", "HTTP_PORT": "8001"}):
+        file = yaml.safe_load(filled(text, **given))
+        service, (network,) = file["services"]["pogon"], file["networks"]["plant"]["ipam"]["config"]
+        subnet, port = given.get("SUBNET", "172.30.80"), given.get("HTTP_PORT", "8000")
+        assert network == {"subnet": f"{subnet}.0/24", "gateway": f"{subnet}.1"}
+        assert service["environment"]["POGON_BEHIND_PROXY"] == network["gateway"], "the proxy comes in through it"
+        assert service["ports"] == [f"127.0.0.1:{port}:8000"]
+        assert str(service["environment"]["POGON_PUBLISHED_PORT"]) == port
+    manual = (ROOT / "docs" / "operations.md").read_text("utf-8")
+    assert all(f"`{name}`" in manual for name in ("SUBNET", "HTTP_PORT"))
 
 
 def test_the_log_of_the_container_does_not_fill_the_disk() -> None:

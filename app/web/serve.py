@@ -177,13 +177,14 @@ def announcement(app: FastAPI, settings: Settings, port: int) -> str:
     scheme = "https" if settings.tls_cert else "http"
     host = "localhost" if settings.host in ("127.0.0.1", "::1", "0.0.0.0", "::") else settings.host
     host = f"[{host}]" if ":" in host else host
+    port = settings.published_port or port
     address = f"{scheme}://{host}:{port}/"
     access = access_of(app)
     code = access.first_code.text if access else ""
     lines = [f"Pogon is at {address} (Ctrl+C ends it)"]
     if settings.host in ("0.0.0.0", "::") and not settings.behind_proxy:  # a proxy has a port of its own
         names = sorted(settings.hosts - {"localhost", "127.0.0.1", "::1", "[::1]"})
-        lines += [f"Others reach it at {scheme}://{name}:{settings.published_port or port}/" for name in names]
+        lines += [f"Others reach it at {scheme}://{name}:{port}/" for name in names]
     runtime = getattr(app.state, "runtime", None)
     modbus = runtime.modbus.address if runtime else None
     if modbus:
