@@ -192,6 +192,9 @@ def test_the_command_of_the_manual_names_files_and_variables_that_are_there() ->
     assert files == [BASE, SERIAL]
     for variable in re.findall(r"\b([A-Z_]+)=", command):
         assert f"${{{variable}:-" in text, variable
+    kept = dict(re.findall(r"^(COMPOSE_FILE|[A-Z]+_[A-Z]+)=(\S+)$", manual, re.MULTILINE))
+    assert kept.pop("COMPOSE_FILE").split(":") == files
+    assert kept == dict(re.findall(r"\b([A-Z_]+)=(\S+)", command))
 
 
 @pytest.mark.real_time
