@@ -45,6 +45,7 @@ class Anchoring:
         self._anchored, self._last_sign = self._last_anchor()
         self._anchored_at = clock.monotonic()
         self._newest: tuple[int, str] = (0, "")
+        self._noted = self._newest
 
     def begin(self) -> None:
         """Of the one server on this folder: take away the piece of an anchor that a power cut left.
@@ -84,10 +85,16 @@ class Anchoring:
         return seq > self._anchored and due
 
     def committed(self, seq: int, mac: str) -> None:
-        """The database has the line `seq` with this mac: note it as the head, unless a newer one is."""
-        if seq <= self._newest[0]:
+        """The database has the line `seq` with this mac: it is the head from now on, unless a newer one is; `write_head` notes it."""
+        if seq > self._newest[0]:
+            self._newest = seq, mac
+
+    def write_head(self) -> None:
+        """Note the head where it is not yet noted; a disk that hangs holds up whoever calls this."""
+        newest = self._newest
+        if newest == self._noted:
             return
-        self._newest = seq, mac
+        seq, mac = newest
         # in place and within one sector: after a power cut it is the old line or the new one
         line = f"{seq:020d} {mac} {signed(self._key, 'head', seq, mac)}\n".encode()
         try:
@@ -97,6 +104,7 @@ class Anchoring:
             finally:
                 os.close(handle)
             self._buffer.write_head(line)
+            self._noted = newest
         except OSError as error:
             log.error("audit head not written reason=%s", error.strerror)
 

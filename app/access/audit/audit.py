@@ -135,6 +135,7 @@ class Audit:
         told: list[Entry] = []
         result, newest = self._db.run(lambda connection: self._written(connection, work, [], told))
         self._settle(newest, [])
+        self._anchoring.write_head()
         announce(told)
         self._anchoring.write_if_due()
         return result
@@ -146,6 +147,7 @@ class Audit:
         told: list[Entry] = []
         result, newest = await self._db.write(lambda connection: self._written(connection, work, waiting, told))
         self._settle(newest, waiting)
+        self._disk.submit(self._anchoring.write_head)
         announce(told)
         if self._anchoring.due:
             await self.anchor_if_due()
@@ -181,7 +183,7 @@ class Audit:
         return seq, mac
 
     def _settle(self, newest: tuple[int, str] | None, replayed: Sequence[Kept]) -> None:
-        """After the commit: the lines wait no more; note the head."""
+        """After the commit: the lines wait no more, and the head is another one."""
         self._waiting.written(replayed)
         if not self._waiting:
             if self._overdue and replayed:

@@ -1,8 +1,11 @@
 """Anchors tell of a cut that nothing else tells of, and hang together."""
 
 import os
+from collections.abc import Callable
+from concurrent.futures import Future
 from errno import ENOSPC
 from pathlib import Path
+from typing import Any, TypeVar
 
 import pytest
 
@@ -13,7 +16,9 @@ from app.clock import ManualClock
 from app.db import Database
 from tests.access.audit.filled import LINES, MARKS, filled, older, tamper
 from tests.access.conftest import OpenAccess, boss
-from tests.virtual import inline
+from tests.virtual import Inline, inline
+
+T = TypeVar("T")
 
 
 async def test_an_anchor_tells_of_a_cut_that_came_before_the_head_was_lost(
@@ -28,6 +33,31 @@ async def test_an_anchor_tells_of_a_cut_that_came_before_the_head_was_lost(
     (data / "audit.head").unlink()
     verdict = access.audit.check_now()
     assert (verdict.bad, verdict.why) == (13, "cut")
+
+
+async def test_the_loop_does_not_wait_for_the_disk_to_take_the_head(
+    data: Path, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at, wrote = ["the loop"], list[str]()
+
+    class Pool(Inline):
+        def __init__(self, _count: int, name: str) -> None:
+            self._name = name
+
+        def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> "Future[T]":
+            at.append(self._name)
+            try:
+                return super().submit(fn, *args, **kwargs)
+            finally:
+                at.pop()
+
+    write = os.pwrite
+    monkeypatch.setattr(os, "pwrite", lambda *given: wrote.append(at[-1]) or write(*given))
+    access = Access(Database(data / "pogon.db", "pogon", inline), clock, data, threads=Pool)
+    number = await access.audit.record("command", boss())
+    assert int((data / "audit.head").read_text().split()[0]) == number == 1
+    assert set(wrote) == {"audit-buffer"}
+    access.close()
 
 
 @pytest.mark.sweep(8)
