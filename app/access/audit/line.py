@@ -128,7 +128,9 @@ def parameters_of(text: object) -> Mapping[str, object]:
 
 def printable(text: object, longest: int = LONGEST_TEXT) -> str:
     """`text` on one line: control signs, line separators and signs that turn the writing direction become escapes."""
-    shown = "".join(_escaped(letter) for letter in str(text)[: longest + 1])
+    shown = str(text)[: longest + 1]
+    if not shown.isprintable():  # nearly all are, and none that is holds a sign to be escaped
+        shown = "".join(map(_escaped, shown))
     return shown if len(shown) <= longest else shown[: longest - 1] + "…"
 
 

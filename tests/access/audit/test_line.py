@@ -1,11 +1,12 @@
 """A line of the audit says who, what, when and where from, on one line and without secrets."""
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from app.access.access import Access
-from app.access.audit.line import printable
+from app.access.audit.line import _escaped, printable
 from app.access.audit.search import Filter
 from app.clock import ManualClock
 from tests.access.conftest import boss
@@ -52,3 +53,8 @@ async def test_a_line_stays_one_line(access: Access, text: str, shown: str) -> N
     (line,) = await access.audit.find(Filter())
     assert line.reason == shown
     assert access.audit.check_now().ok
+
+
+def test_a_text_that_is_taken_as_it_is_has_no_sign_to_be_escaped() -> None:
+    for letter in map(chr, range(sys.maxunicode + 1)):
+        assert not letter.isprintable() or _escaped(letter) == letter, ascii(letter)
