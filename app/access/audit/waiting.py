@@ -68,8 +68,11 @@ class WaitingLines:
         self._keeping += 1
         work = asyncio.get_running_loop().run_in_executor(self._disk, self._buffer.append, self._lines[id_])
         work.add_done_callback(self._put)
+        done, _ = await asyncio.wait([work], timeout=KEEPING_LIMIT)
         try:
-            await asyncio.wait_for(asyncio.shield(work), KEEPING_LIMIT)
+            if not done:
+                raise TimeoutError
+            work.result()
         except OSError as problem:  # TimeoutError, too
             log.error("audit buffer not written reason=%s", problem.strerror or "the disk does not answer")
             return False
