@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, bindparam, delete, insert, literal_column, select, update
+from sqlalchemy import Connection, bindparam, delete, func, insert, literal_column, select, update
 
 from app import chance
 from app.access.audit.audit import Audit
@@ -370,17 +370,23 @@ class Sessions:
         """Session → its row with that of its person, and the roles."""
         rows = {id_hash: (row, roles_of(connection, row.id)) for id_hash, row in self.standing.rows(connection, hashes)}
         for row in connection.execute(_OF_HASHES, {"hashes": list(hashes)}).all():
-            rows[row.id_hash] = row, roles_of(connection, row.id)
+            rows[row.id_hash] = row, frozenset((row.roles or "").split())
         return rows
 
 
-_JOINED = (
-    select(session_table, person_table, factor_table.c.since.label("factor_since"))
+_ROLES = (
+    select(func.aggregate_strings(role_table.c.role, " "))
+    .where(role_table.c.person == session_table.c.person)
+    .scalar_subquery()
+    .label("roles")
+)
+_OF_HASHES = (
+    select(session_table, person_table, factor_table.c.since.label("factor_since"), _ROLES)
     .join(person_table, session_table.c.person == person_table.c.id)
     .outerjoin(factor_table, factor_table.c.person == person_table.c.id)
+    .where(session_table.c.id_hash.in_(bindparam("hashes", expanding=True)))
 )
-_OF_HASHES = _JOINED.where(session_table.c.id_hash.in_(bindparam("hashes", expanding=True)))
-"""Made once, as every request asks for its session."""
+"""Made once, and one for all that is asked, as every request waits for its session."""
 _ROLES_OF = select(role_table.c.role).where(role_table.c.person == bindparam("person_id"))
 
 

@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from sqlalchemy import event
 
 from app import chance
 from app.access.access import Access, prepare
@@ -185,6 +186,20 @@ async def test_the_own_password_cannot_be_guessed_from_an_open_session(access: A
             await access.own.change_password(person, "wrong", "sedam zelenih biciklista", AGENT, sid)
         said.append(caught.value.status)
     assert said == [401] * 5 + [429] * 2
+
+
+async def test_a_request_asks_the_database_once_who_it_is(access: Access) -> None:
+    await add(access, "ana", "operator", "engineer")
+    await add(access, "eva")
+    sids = [await enter(access, name) for name in ("ana", "eva")]
+    asked: list[str] = []
+    event.listen(access.sessions._db.engine, "before_cursor_execute", lambda *given: asked.append(given[2]))
+    found = [await who(access, sid) for sid in sids]
+    assert [person and person.roles for person in found] == [{"operator", "engineer"}, {"operator"}]
+    assert len(asked) == 2
+    asked.clear()
+    await access.sessions.renew()
+    assert len(asked) == 1, "all that are in use together"
 
 
 async def test_without_the_database_a_known_person_may_still_watch_and_stop(access: Access) -> None:
