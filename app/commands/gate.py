@@ -16,6 +16,7 @@ sent first. Nothing here knows an equipment type.
 """
 
 import asyncio
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from zoneinfo import ZoneInfo
@@ -47,7 +48,9 @@ from app.tags.database import TagDatabase
 TICK = 0.05
 """Between two looks at what is pending [s]."""
 LOOK = 0.2
-"""Between two looks at all conditions [s]."""
+"""Between two looks at the conditions of a machine [s]."""
+FEW = 8
+"""So many machines are looked at together; of more each tick has its share, so that no command waits until all were looked at."""
 NOTHING: Mapping[str, str | float] = MappingProxyType({})
 NO_NUMBERS: Mapping[str, float] = MappingProxyType({})
 
@@ -90,7 +93,6 @@ class Gate:
         self.control = state.control
         self.hold = state.hold
         self.nonces = self._admission.nonces
-        self._looked = float("-inf")
         self._zone = ZoneInfo("UTC")
         self._day = local_day(clock.micros(), self._zone)
 
@@ -300,16 +302,23 @@ class Gate:
         for machine in list(self._state.machines.values()):
             if machine.job is not None:
                 self._following.follow(machine, machine.job, now)
-        if now - self._looked >= LOOK:
-            self._looked = now
-            another_day = not self._day[0] <= self._state.clock.micros() < self._day[1]
-            if another_day:
-                self._day = local_day(self._state.clock.micros(), self._zone)
-            for machine in self._state.machines.values():
-                writer = self._state.writers.get(machine.item.link)
-                if self._state.readings.watch(machine, paused=writer is not None and writer.paused) or another_day:
-                    self._state.changed(machine.item.id)
+        self._look(now)
         self._state.tell_changed(now)
+
+    def _look(self, now: float) -> None:
+        """Look at the conditions of those machines whose turn it is."""
+        machines = self._state.machines.values()
+        if not self._day[0] <= self._state.clock.micros() < self._day[1]:
+            self._day = local_day(self._state.clock.micros(), self._zone)
+            for machine in machines:
+                self._state.changed(machine.item.id)
+        share = max(FEW, math.ceil(len(machines) * TICK / LOOK))
+        due = sorted((machine for machine in machines if now - machine.looked >= LOOK), key=lambda one: one.looked)
+        for machine in due[:share]:
+            machine.looked = now
+            writer = self._state.writers.get(machine.item.link)
+            if self._state.readings.watch(machine, paused=writer is not None and writer.paused):
+                self._state.changed(machine.item.id)
 
     def session_ended(self, session: str) -> None:
         """The session is over: its motion stops, its tokens are free, its nonces are void."""

@@ -73,6 +73,8 @@ class Machine:
     counter: int = field(default_factory=lambda: chance.randrange(0, 0xFFFF))
     """Of the last request bits: no telegram repeats the one before, not even across a restart of the server."""
     signature: object = None
+    looked: float = float("-inf")
+    """When its conditions were looked at last [s, monotonic]."""
     used: Sequence[str] = field(init=False)
     """Points read from the device that anything about its commands uses."""
     handles: tuple[int, Mapping[str, int]] = (-1, MappingProxyType({}))

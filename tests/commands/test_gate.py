@@ -1,11 +1,15 @@
 """The gate: who may, what is possible, what happened. Every machine here is fake; test_gate_e800.py has the virtual drive."""
 
+from collections import Counter
+from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import pairwise
 
 import pytest
 
 from app.clock import to_datetime
-from app.commands.gate import Question
+from app.commands.command_state import machines_of
+from app.commands.gate import LOOK, TICK, Question
 from app.commands.lifecycle import ProgressState
 from app.errors import NoAnswer, Refused
 from app.tags.batch import Batch
@@ -136,6 +140,29 @@ async def test_a_start_over_a_table_of_bad_values_never_writes() -> None:
         stand.tags.publish(Batch("link.hall", 99, 1, 1, [stand.tags.handle(f"m1.{key}")], [None], GOOD | 2))
         assert (await refusal(stand, ANA, "forward")).reason == "why.bad_value"
         assert stand.link.writes == []
+
+
+@pytest.mark.parametrize(("number", "most"), [(6, 6), (40, 10)])
+def test_each_machine_is_looked_at_every_two_tenths_of_a_second_and_many_never_all_at_once(
+    number: int, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stand = Stand()
+    machines = machines_of(stand.plant)
+    stand.gate.take({f"m{n}": replace(machines["m1"]) for n in range(number)}, stand.plant.timezone)
+    looked = list[tuple[int, float]]()
+    monkeypatch.setattr(
+        stand.gate._state.readings,
+        "watch",
+        lambda machine, *, paused: looked.append((id(machine), stand.clock.monotonic())),
+    )
+    for _ in range(40):
+        stand.clock.advance(TICK)
+        stand.gate.tick()
+    assert max(Counter(at for _, at in looked).values()) == most
+    times = {one: [at for each, at in looked if each == one] for one, _ in looked}
+    assert len(times) == number
+    for each in times.values():
+        assert all(round(b - a, 3) in (LOOK, LOOK + TICK) for a, b in pairwise(each))
 
 
 async def test_at_midnight_of_the_plant_every_machine_is_told_of_so_that_what_was_yesterday_says_its_day() -> None:
