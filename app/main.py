@@ -108,6 +108,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
     app.state.view = View(Assets(bundled("static")))
     app.state.view.around.append(favourites.around)
     rooms = (
+        commands,  # routes are tried in this order, and nothing of a command waits for longer than it must
         overview,
         pages,
         plant_screens,
@@ -116,7 +117,6 @@ def dress(app: FastAPI, settings: Settings) -> None:
         alarm_hiding,
         alarm_statistics,
         alarms,
-        commands,
         parameters,
         drive_compare,
         drive_parameters,
