@@ -39,7 +39,14 @@ settings.load_profile("house")  # how long an example takes is the machine's aff
 
 ROOT = Path(__file__).resolve().parent.parent
 LONGEST = (
-    *("test_layout_machines", "test_layout_operating", "test_layout", "test_crane_cycle", "test_commands"),
+    *(
+        "test_newcomer",
+        "test_layout_machines",
+        "test_layout_operating",
+        "test_layout",
+        "test_crane_cycle",
+        "test_commands",
+    ),
     *("test_gone", "test_sequence", "test_live", "test_sequence_tcp", "test_conveyor"),
     *("test_sequence_engineering", "test_sinamics", "test_alarms", "test_trends", "test_crane"),
     *("test_frame", "test_conveyor_by_hand"),
@@ -87,7 +94,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [item for item in items if drawn(item, seed)]
 
 
-BROWSERS = 10
+BROWSERS = 12
 """One in so many tests with a browser is drawn: a second of theirs costs what fifty tests without one do."""
 
 

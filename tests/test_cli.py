@@ -62,6 +62,7 @@ def test_a_port_in_use_is_one_line_and_nothing_is_started(tmp_path: Path) -> Non
     assert not (tmp_path / "data" / "first-code").exists()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("setting", [{"port": 99999}, {"log": "xml"}, {"host": "0.0.0.0"}])
 def test_settings_that_stay_wrong_are_not_tried_for_ever(tmp_path: Path, setting: dict[str, object]) -> None:
     refused = pogon(tmp_path / "data", "run", **setting)

@@ -216,6 +216,7 @@ def damaged_inside(data: Path) -> None:
         file.write(b"\xff" * 800)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("fault", "loss"),
     [

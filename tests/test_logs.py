@@ -167,6 +167,7 @@ def test_lines_of_the_audit_are_told_by_their_kind(caplog: pytest.LogCaptureFixt
     }
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("address", ["/none/log", "127.0.0.1:9", "name.invalid:514"])
 def test_a_syslog_that_is_not_there_holds_up_nothing(started: Callable[..., io.StringIO], address: str) -> None:
     out = started(syslog=address)

@@ -54,6 +54,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict
     yield data, found
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", SEEN)
 def test_what_machines_did_is_in_records(story: tuple[Path, dict[str, Kept]], kind: str) -> None:
     records, page, detail, csv = story[1][kind]

@@ -50,6 +50,7 @@ def outcome(
     return run(Stage("some", "not other", options), ["test_x.py"], ["-p", "no:cacheprovider"], asked, root, limit)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("text", "counts", "complaint"),
     [
@@ -206,7 +207,7 @@ def test_what_spins_says_how_much_of_a_core_it_got(capfd: pytest.CaptureFixture[
     [
         ([], 4, True, [[1, 2, 1]], (4, 5, 8)),
         ([], 4, False, [[4]], (4, 4, 4)),
-        ([], 2, True, [[2, 1], [1]], (2, 3, 6)),
+        ([], 2, True, [[1, 1, 1], [1]], (2, 3, 6)),
         ([], 1, True, [[4]], (1, 2, 3)),
         ([], 2, False, [[4]], (2, 2, 2)),
         (["--together"], 2, False, [[1, 2, 1]], (2, 3, 6)),

@@ -217,6 +217,7 @@ def no_device(_data: Path, tmp: Path) -> dict[str, object]:
     return no_line(_data, tmp)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.timeout(60)  # nothing keeps it waiting
 @pytest.mark.parametrize(
     ("break_it", "key"),

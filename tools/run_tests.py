@@ -157,7 +157,7 @@ def phases(
     if len(filled) < 2 or apart:
         return [[[_check, *chain(*filled)]]]
     front, behind = filled
-    return [[[_check], front, behind]] if together else [[[_check, *behind], front[:1]], [front[1:]]]
+    return [[[_check], front, behind]] if together else [[[_check], behind, front[:1]], [front[1:]]]
 
 
 WAITING = 3

@@ -616,6 +616,7 @@ async def test_nothing_changes_while_the_audit_cannot_be_written(
 # ---- who must have one ------------------------------------------------------------------------------------
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("roles", [("viewer",), ("operator",), ("engineer",), ("admin",), ("operator", "admin")])
 @pytest.mark.parametrize(
     "asked", [set(), {"admin"}, {"engineer", "operator"}, {"viewer", "operator", "engineer", "admin"}]

@@ -26,6 +26,7 @@ async def test_idleness_is_not_reached_nor_put_off(access: Access, clock: Manual
     assert person.idle
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize(("role", "shift"), [("viewer", WATCHING), ("operator", SHIFT), ("engineer", SHIFT_WITH_POWER)])
 async def test_a_session_ends_with_its_shift(

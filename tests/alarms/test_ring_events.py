@@ -419,6 +419,7 @@ AFTER_CLEAR = {"A": "A", "B": "D", "C": "A", "D": "D", "E": "E", "F": "F", "G": 
 AFTER_MOMENT = {"A": "D", "B": "D", "C": "D", "D": "D", "E": "D", "F": "D", "G": "G", "H": "H", "I": "I"}
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("life", LIVES, ids=lambda life: str(life))
 @pytest.mark.parametrize(("code", "wanted"), [(20, AFTER_EVENT), (21, AFTER_CLEAR), (10, AFTER_MOMENT)])
 async def test_every_state_takes_every_event(plot: Plot, life: Life, code: int, wanted: dict[str, str]) -> None:

@@ -133,6 +133,7 @@ def head_of(size: int, kind: bytes) -> bytes:
     return member.tobuf(tarfile.GNU_FORMAT)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "kind", [tarfile.REGTYPE, tarfile.XHDTYPE, tarfile.XGLTYPE, tarfile.GNUTYPE_LONGNAME], ids=repr
 )

@@ -48,6 +48,7 @@ class Trip:
         return self.load.amplitude(self.length)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("axis", DATA)
 @pytest.mark.parametrize("length", LENGTHS)
 @pytest.mark.parametrize("shaping", [Shaping.ZV, Shaping.ZVD])

@@ -138,7 +138,6 @@ def drawn(page: Page, axis: str) -> float:
     return found
 
 
-@pytest.mark.always
 def test_by_hand_to_the_limit_and_back(sit: Sit) -> None:
     page = sit()
     manual(page, "trolley", 4)

@@ -52,7 +52,6 @@ def settles(page: Page, speed: re.Pattern[str]) -> None:
     expect(page.locator(SPEED)).to_have_text(speed, timeout=30_000)
 
 
-@pytest.mark.always
 def test_one_story_on_every_road(road: tuple[str, PogonServer], seat: Sit, tmp_path: Path) -> None:
     """Sign in, operate, hold, take history home, lose the server and find it again, sign out."""
     _, server = road

@@ -67,7 +67,6 @@ def begin(page: Page) -> None:
     expect(page.locator(".seqt [aria-selected=true]")).to_have_count(1, timeout=30_000)
 
 
-@pytest.mark.always
 @pytest.mark.timeout(300)  # a minute on an idle machine
 def test_a_coil_is_carried_from_the_mandrel_to_a_saddle(sit: Sit) -> None:
     page = sit(reduced_motion="no-preference")
@@ -113,6 +112,7 @@ def test_a_stall_says_what_is_missing_and_what_fell_first(sit: Sit) -> None:
     expect(page.locator("[data-row-step='4'][aria-selected=true]")).to_have_count(1, timeout=60_000)
 
 
+@pytest.mark.always
 def test_suspend_stops_the_time_and_resume_goes_on(sit: Sit) -> None:
     page = sit()
     begin(page)

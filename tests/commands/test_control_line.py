@@ -375,6 +375,7 @@ class Model:
                 self.next()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(40))
 def test_a_walk_goes_as_the_rules_say(seed: int) -> None:
     random, desk, model = Random(seed), Desk(), Model()

@@ -198,6 +198,7 @@ async def test_a_jog_that_is_let_go_is_over_when_the_axis_stands_and_the_drive_s
             assert it.drive.state is State.OPERATION and it.value("zsw1_operation_enabled") == 1
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("command", "way"),
     [("move_absolute", -1), ("move_relative", -1), ("jog_minus", -1), ("jog_plus", 1), ("enable", 0)],

@@ -242,6 +242,7 @@ async def test_a_mailbox_that_misbehaves_never_makes_a_success(fault: str, gatew
         assert {name: held(it, name) for name in NEW} == (NEW if progress.state is CONFIRMED else before)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("transport", ["memory", "tcp"])
 async def test_the_line_is_cut_at_every_telegram(transport: str) -> None:
     """Cut for good, or for three seconds: all new, all former, or what nobody knows is told, and read when the drive is back."""

@@ -74,6 +74,7 @@ def lets_through(wanted: EventFilter, one: Event) -> bool:
     )
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("wanted", CASES, ids=range(len(CASES)))
 def test_filters_and_pages_are_those_of_brute_force(history: Database, told: list[Event], wanted: EventFilter) -> None:
     expected = sorted(

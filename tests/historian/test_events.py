@@ -137,6 +137,7 @@ async def test_redelivery_after_a_crash_changes_nothing(history: Database) -> No
         database.close()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("back", range(1, 6))
 @pytest.mark.parametrize("shift", [-86_400.0, -3600.0, -1.5, 0.9, 1.5, 30.0, 3600.0, 86_400.0])
 @pytest.mark.parametrize("boots", [0, 1], ids=["same boot", "switched on since"])

@@ -91,6 +91,7 @@ def exported(connection: Connection, plant: Plant, kind: str, equipment: str, lo
     return found
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", sorted(SHA256))
 def test_an_export_is_the_same_to_the_letter(stages: dict[str, Database], plant: Plant, name: str) -> None:
     stage, kind, *equipment, locale = name.split(".")

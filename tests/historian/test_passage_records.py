@@ -203,6 +203,7 @@ async def test_restart_in_mid_passage_goes_on_with_the_same_passage(kept: Record
     assert len(steps(history, one)) == len(events)
 
 
+@pytest.mark.sweep(8)
 async def test_redelivery_after_a_crash_changes_nothing(kept: Records, history: Database) -> None:
     """Killed between the commit and the acknowledgement, at every place, with portions cut anywhere: as if nothing had happened."""
     source = random.Random(5)

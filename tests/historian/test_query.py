@@ -48,6 +48,7 @@ def drawn(columns: Columns) -> list[tuple[int, float | None]]:
     return out
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=150, deadline=None)
 @given(questions())
 def test_every_column_has_the_true_extremes_ends_and_count_of_its_samples(
@@ -74,6 +75,7 @@ def test_every_column_has_the_true_extremes_ends_and_count_of_its_samples(
     assert all(begin <= time <= end for time in got.time)
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=150, deadline=None)
 @given(questions())
 @example(([(BEGIN, 0.0, GOOD), (BEGIN + 1, None, NO_DATA)], BEGIN - 1, BEGIN + 1, 2, 0))
@@ -129,6 +131,7 @@ def test_a_range_that_begins_or_ends_on_a_ramp_shows_the_line(kind: Kind, gap: i
             assert shown == pytest.approx(80 * at if on_ramp else 0, abs=0.01)
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2999), widths, st.booleans())
 def test_one_spike_is_seen_at_every_width(place: int, width: int, rolled: bool) -> None:
@@ -138,6 +141,7 @@ def test_one_spike_is_seen_at_every_width(place: int, width: int, rolled: bool) 
     assert sum(v == 999.0 for v in got.high) == 1
 
 
+@pytest.mark.sweep(8)
 def test_a_year_keeps_its_spike_too() -> None:
     with fresh() as connection:
         connection.exec_driver_sql(

@@ -65,6 +65,7 @@ def test_passages_are_those_of_the_version_before(history: Database, seed: int, 
     assert hashlib.sha256(repr(now).encode()).hexdigest()[:16] == former, now
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("seed", "former"), list(enumerate(FORMER_RUNS)))
 def test_runs_are_those_of_the_version_before(history: Database, seed: int, former: str) -> None:
     tell(history, "seq1", stories.runs(seed, 30))

@@ -11,6 +11,7 @@ from app.tags.quality import COMM_FAILURE, GOOD, IMPLAUSIBLE, NOT_CONNECTED, OUT
 from tests.links.devices import point
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("scale", [1, 0.1, 0.01, 0.001, 0.0001])
 @pytest.mark.parametrize(("mask", "shift"), [(None, 0), (0xFF, 0), (0xFF, 8), (0x1, 15), (None, 4)])
 def test_the_quick_way_gives_the_number_of_the_codec_for_every_word(scale: float, mask: int | None, shift: int) -> None:

@@ -131,6 +131,7 @@ async def test_a_set_is_one_commit_and_two_lines(kind: str) -> None:
 WHICH = [("staging", 1), ("commit", 1), ("answers", 1), ("settings", 1), ("settings", 2), ("staging", 2), ("commit", 2)]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("how", ["request", "answer", "late"])
 @pytest.mark.parametrize(("which", "number"), WHICH[:5])
@@ -144,6 +145,7 @@ async def test_one_spoiled_telegram_leaves_all_or_none(kind: str, how: str, whic
         it.is_true(done)  # nothing comes after it
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seconds", [1.5, 4.0, 60.0])
 @pytest.mark.parametrize("how", ["request", "answer"])

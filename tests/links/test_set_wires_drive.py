@@ -124,6 +124,7 @@ async def test_a_set_is_written_in_order_and_read_back(kind: str) -> None:
         is_true(device, done)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("how", ["request", "answer", "late"])
 @pytest.mark.parametrize(("which", "number"), [("w0", 1), ("w1", 1), ("w2", 1), ("r", 1), ("r", 2), ("r", 3)])
@@ -138,6 +139,7 @@ async def test_one_spoiled_telegram_leaves_all_or_none(kind: str, how: str, whic
         is_true(device, done)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seconds", [2.0, 60.0])
 @pytest.mark.parametrize("how", ["request", "answer"])

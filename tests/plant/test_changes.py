@@ -35,6 +35,7 @@ def test_the_same_files_read_twice_are_no_change(demo: Plant, tmp_path: Path) ->
     assert compare(demo, read(tmp_path, DEMO + "\n# a comment\n")) == []
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [

@@ -385,6 +385,7 @@ def test_a_machine_that_is_built_otherwise_than_drawn_is_told(line: EquipmentTyp
         assert parse(derived.when).true({**same, key: same[key] + 1}) is True, key
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("options", "told"),
     [

@@ -156,6 +156,7 @@ def nested(before: str, after: str, times: int) -> str:
     return f"{HEAD}{MOTOR}x = {before * times}{after * times}\n"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("text", "said"),
     [

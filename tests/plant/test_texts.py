@@ -87,6 +87,7 @@ def test_placeholders_take_data_and_never_code() -> None:
     assert fill("50 %", {}) == "50 %"
 
 
+@pytest.mark.sweep(8)
 @given(st.text(), st.dictionaries(st.text(), st.integers()))
 def test_no_text_fails_at_its_reader(text: str, params: dict[str, int]) -> None:
     assert isinstance(fill(text, params), str)

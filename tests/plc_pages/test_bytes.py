@@ -89,6 +89,7 @@ def words(memory: dict[int, int], at: int, count: int) -> list[int]:
     return [memory[at + n] for n in range(count)]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_row_of_an_image_reads_as_the_product_reads_that_point(kind: str) -> None:
     """By the page's address, type and bit on the device's bytes, and by the product's own decoder: the same number, at every moment."""

@@ -70,6 +70,7 @@ def check(points: list[tuple[str, Register]], numbers: dict[str, float], words: 
         assert decode(raw, words[register.address : register.address + register.words]) == numbers[key], key
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 async def test_a_plc_of_these_blocks_keeps_every_rule(kind: str) -> None:
     plc = TextPlc(kind)

@@ -31,6 +31,7 @@ def overview(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
         return read(request.param), client.get("/").text
 
 
+@pytest.mark.sweep(8)
 def test_tiles_draw_what_their_type_declares_and_nothing_else(overview: tuple[Plant, str]) -> None:
     plant, page = overview
     drawn = set(re.findall(r'data-tag="([^"]+)"', page)) & set(plant.points)

@@ -26,7 +26,6 @@ REPLAYED = (3, 6, 9)
 """Seeds that are played once more, to the byte."""
 
 
-@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(1, 21))
 def test_a_minute_of_storm(seed: int) -> None:
     script = draw(seed)
@@ -127,6 +126,7 @@ TURN, TAKE = Evaluation.turn, Recorder.take
 HOLD = at(2.0, "hold", who="ana", machine="m2", number=0, how="ends", seconds=3.0)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("broken", "how", "script", "name"),
     [

@@ -122,6 +122,7 @@ def _read_anew(staff: Staff, ana: Operator) -> None:
     assert ana.post("/plant", fragment=False, digest=digest[1], read="1").status_code < 400
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_no_cell_has_an_id_a_key_or_an_object(staff: Staff, lang: str) -> None:
     staff.client.cookies.set("pogon_lang", lang)

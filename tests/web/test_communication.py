@@ -73,6 +73,7 @@ def test_operators_see_it_viewers_and_guests_have_no_way_to_it(staff: Staff) -> 
     assert "Communication" in page(staff)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
 def test_every_number_of_a_link_and_its_units_is_a_tag_on_it(staff: Staff, lang: str) -> None:
     staff.enter("ole", "operator")

@@ -65,6 +65,7 @@ def page(operator: Operator, path: str, language: str = "en") -> str:
     return unescape(answer.text)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("path", PAGES)
 def test_every_page_is_drawn_in_every_language_without_a_text_missing(

@@ -42,6 +42,7 @@ def plant_of(client: TestClient) -> list[object]:
     ]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", RUNS)
 @pytest.mark.parametrize("role", [*ROLES, None])
 def test_an_engineer_runs_a_test_and_others_see_why_they_may_not(staff: Staff, role: str | None, name: str) -> None:

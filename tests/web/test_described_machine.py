@@ -92,6 +92,7 @@ def test_commands_are_confirmed_by_what_the_machine_says(client: VirtualClient) 
     assert "Done" in line_of(ana.post("/equipment/e1/stop")) or until(lambda: value(client, "e1.state") == 0, 5)
 
 
+@pytest.mark.sweep(8)
 def test_values_move_as_the_file_says(client: VirtualClient) -> None:
     assert until(lambda: value(client, "l1.flow") == 3, 10)
     assert value(client, "l1.temperature") == -12.5
@@ -103,6 +104,7 @@ def test_values_move_as_the_file_says(client: VirtualClient) -> None:
     assert value(client, "e1.energy") == 12000
 
 
+@pytest.mark.sweep(8)
 def test_an_instructor_breaks_its_line_and_causes_its_fault(client: VirtualClient) -> None:
     ana = Operator(Staff(client), "ana", ("engineer", "operator"))
     ana.take("e1")

@@ -32,6 +32,7 @@ def shown(client: TestClient, path: str) -> bool:
     return "not read" not in text and "Not read yet" not in text
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("path", PATHS)
 def test_of_another_drive_under_the_same_name_nothing_is_known(people: Staff, path: str) -> None:
     client, runtime = people.client, people.client.app.state.runtime  # type: ignore[attr-defined]

@@ -121,6 +121,7 @@ def _filter(object: str) -> object:
     return Filter(object=object)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("key", "typed", "says"),
     [
@@ -208,6 +209,7 @@ def test_while_it_writes_it_says_how_far_it_is_and_can_be_cancelled(client: Test
     assert drive(client).model.values("p1120") == [5.0]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_it_is_told_in_every_language(client: TestClient, people: Staff, language: str) -> None:
     client.cookies.set("pogon_lang", language)

@@ -130,6 +130,7 @@ def test_adjusted_step_by_step_then_saved(client: TestClient, people: Staff) -> 
     assert "Nothing unsaved" in words(client.get("/equipment/d1/drive-parameters").text)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("state", "says", "remedy"),
     [

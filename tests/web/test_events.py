@@ -379,6 +379,7 @@ def test_a_guest_reads_the_list_and_takes_nothing_home(staff: Staff) -> None:
     assert staff.client.get("/events/export.csv").status_code in (303, 401)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
 def test_from_its_screen_one_comes_to_what_became_of_things_on_a_machine_and_to_what_it_told(
     staff: Staff, lang: str

@@ -100,6 +100,7 @@ def test_no_field_of_an_export_ends_in_an_error_or_keeps_a_place(
             assert not places(staff)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "path",
     [

@@ -261,6 +261,7 @@ def test_nothing_unknown_is_written_while_the_motor_turns(client: TestClient, pe
     assert held(client, "F114") == [6.0], "a ramp may be changed while it runs"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("code", "typed", "says"),
     [
@@ -287,6 +288,7 @@ def test_what_is_no_code_is_not_put_into_the_list(client: TestClient, people: St
     assert answer.status_code == 422
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_every_language_says_all_of_it(client: TestClient, language: str) -> None:
     client.cookies.set("pogon_lang", language)

@@ -168,6 +168,7 @@ def test_nothing_is_shown_as_done_that_was_not_read_back(staff: Staff, monkeypat
     assert told(staff)[0].result == "refused"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", LANGUAGES)
 @pytest.mark.parametrize("error", [Overtaken("unit 1: 0xe010"), NoAnswer("unit 1"), NotConnected("hall")])
 def test_what_the_line_says_is_told_in_the_language_of_who_asks_there_and_in_the_audit(

@@ -37,6 +37,7 @@ def test_names_of_tags_cost_no_long_turn(staff: Staff, work: Work, piece: str) -
     assert 0 < work.most < MOST
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("head", ["Accept-Language", "Cookie", "Authorization"])
 @pytest.mark.parametrize("piece", PIECES)
 def test_heads_cost_no_long_turn(staff: Staff, work: Work, piece: str, head: str) -> None:

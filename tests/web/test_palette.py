@@ -58,6 +58,7 @@ def test_names_come_before_details_and_beginnings_before_the_middle_of_words() -
     assert len(ranked([fan] * 99, "f")) == MOST
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("language", "looked", "url"),
     [

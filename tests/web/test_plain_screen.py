@@ -48,6 +48,7 @@ def drawn(client: TestClient, machine: str) -> PlainScreen:
     return PlainScreen(EquipmentView(item, runtime, "en", lambda key, **_: key))
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("machine", KINDS)
 @pytest.mark.parametrize("language", ["hr", "en", "de", "cs"])
 def test_every_machine_has_a_page_and_a_faceplate(client: TestClient, machine: str, language: str) -> None:

@@ -78,6 +78,7 @@ def test_mistakes_are_listed_and_change_nothing(staff: Staff, folder: Path) -> N
     assert staff.client.get("/equipment/m2").status_code == 200
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("language", "told"),
     [

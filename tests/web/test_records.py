@@ -154,6 +154,7 @@ def test_filters(staff: Staff, kind: str, query: dict[str, str], wanted: dict[st
     assert [one["id"] for one in program["records"]] == expected
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("kind", "query"),
     [
@@ -175,6 +176,7 @@ def test_what_cannot_be_is_refused(staff: Staff, kind: str, query: dict[str, Any
         get(staff, f"/records/{kind}{path}", 422, **query)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", LANGUAGES)
 @pytest.mark.parametrize("kind", KINDS)
 def test_everything_is_told_in_every_language(staff: Staff, kind: str, lang: str) -> None:

@@ -35,6 +35,7 @@ def broken(start: Start) -> TestClient:
     return start(extend=breakable)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("method", "path", "status"),
     [
@@ -156,6 +157,7 @@ def test_a_query_of_very_many_fields_is_not_taken_apart(client: TestClient, quer
     assert client.get("/healthz?" + "a=1&" * 400).status_code == 200
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "path",
     ["/", "/healthz", "/api/v1/plant", "/users", "/nowhere", "/explode", "/static/css/frame.css", "/static/none.css"],

@@ -190,6 +190,7 @@ def closed(folder: Path, patched: pytest.MonkeyPatch) -> Iterator[None]:
         yield
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("language", "way_out"),
     [("en", "An administrator"), ("hr", "Administrator mu"), ("de", "Ein Administrator"), ("cs", "Administrátor")],

@@ -359,6 +359,7 @@ def test_an_administrator_ends_a_session_of_somebody(staff: Staff) -> None:
     assert staff.client.get("/users").status_code == 200
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("payload", PAYLOADS)
 def test_a_name_is_drawn_as_text_wherever_it_stands(staff: Staff, payload: str) -> None:
     staff.enter("chief", "admin", "engineer", "operator")
@@ -612,6 +613,7 @@ def test_accounts_are_reviewed_on_a_page_and_as_csv(staff: Staff) -> None:
     assert staff.client.get("/users/review.csv").status_code == 403
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("path", ["/audit", "/audit.csv", "/users", "/tokens", "/account", "/users/review"])
 def test_a_database_without_its_tables_is_unavailable_and_no_error_of_ours(start: Start, path: str) -> None:
     client = start()

@@ -112,6 +112,7 @@ def test_a_number_on_a_tile_is_never_older_than_a_moment(client: TestClient) -> 
     assert shown(2.33) == "2.33"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("value", [0, 1, 2, 4])
 def test_a_state_on_a_tile_and_in_the_picture_is_as_it_is_now(client: TestClient, value: int) -> None:
     client.cookies.set("pogon_lang", "en")
@@ -208,6 +209,7 @@ def test_a_tile_that_asks_who_looks_is_an_error(client: TestClient, monkeypatch:
         tiles.Tiles(environment).tile(EquipmentView(item, runtime, "en", lambda key: key), {})
 
 
+@pytest.mark.sweep(8)
 def test_who_may_not_view_gets_no_tile_that_another_has_just_drawn(client: TestClient) -> None:
     staff = Staff(client)
     Operator(staff, "ada", ("admin", "engineer", "operator")).get("/", fragment=False)

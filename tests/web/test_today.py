@@ -65,6 +65,7 @@ def test_it_tells_what_was_seen_and_since_when(running: VirtualClient) -> None:
     assert products and 5 <= int(products[1]) <= 20 and int(products[2]) > 5
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", ["hr", "en", "de", "cs"])
 def test_the_page_has_them_in_every_language_and_an_area_has_its_own(running: VirtualClient, language: str) -> None:
     running.cookies.set("pogon_lang", language)

@@ -162,6 +162,7 @@ async def test_a_mark_that_is_rubbish_is_a_verdict(
         assert not (await access.audit.check()).ok
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("column", COLUMNS)
 @pytest.mark.parametrize(
     "value",

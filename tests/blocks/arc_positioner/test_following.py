@@ -42,6 +42,7 @@ def test_stays_within_two_millimetres_and_below_the_original(case: Case) -> None
     compare(case)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(8))
 def test_any_lift_is_within_two_millimetres_and_below_the_original(seed: int) -> None:
     compare(anyhow(Random(seed), longest=4000.0))

@@ -54,6 +54,7 @@ async def test_a_running_drive_of_any_size_shows_nothing_doubtful_and_has_no_ala
         assert [one.key for one in plant.runtime.alarms.list.active() if one.equipment in machines] == []
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", SIZES)
 @pytest.mark.parametrize("frequency", [25.0, 50.0])
 def test_its_motor_is_that_of_the_circuit(name: str, frequency: float) -> None:

@@ -436,6 +436,7 @@ FIRST_ROW = struct.pack(">BHH", 3, TABLE + 7, 1)
 """Asks for the state of the first row of the products; 0 = it is free."""
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("rule", "broken", "seen"),
     [(rule, broken, seen) for rule, _, broken, seen in BREAKS],

@@ -124,6 +124,7 @@ def commotion(car: VirtualCoilCar, random: Random, seconds: float) -> Hit:
     return Hit.NONE
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("geometry", [Geometry(), OTHER], ids=["plain", "other"])
 def test_nothing_that_can_be_done_makes_a_collision(geometry: Geometry, seed: int) -> None:
@@ -133,6 +134,7 @@ def test_nothing_that_can_be_done_makes_a_collision(geometry: Geometry, seed: in
     assert commotion(car, random, 60.0) is Hit.NONE
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("given", "bits", "kind", "block"),
     [

@@ -80,6 +80,7 @@ async def test_manual_moves_only_while_it_is_held_in_one_direction() -> None:
     assert on.device.machine.speeds[0] > 0, "automatic does not listen to it"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("belt", [1, 2, 3])
 async def test_slip_is_corrected_at_the_next_sensor_and_told(belt: int) -> None:
     on = running()

@@ -20,6 +20,7 @@ SEEN = 0.5
 """From the press to the telegram, and from standstill to what is read of it [s]."""
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("acceleration", [5.0, 20.0, 32.0, 60.0, 500.0])
 @pytest.mark.parametrize("jerk", [10.0, 30.0, 240.0, 5000.0])
 def test_a_stop_is_given_the_time_of_the_ramp_whenever_it_comes(acceleration: float, jerk: float) -> None:

@@ -11,6 +11,7 @@ from tests.sim.conveyor.bench import QUICK, line, put
 from tests.sim.conveyor.line import TestLine
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("belt", [1, 2, 3])
 @pytest.mark.parametrize("early", [0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0, -0.1, -0.3])
 async def test_a_jam_while_the_gap_stops_the_line_is_what_stopped_it_when_the_gap_is_over(

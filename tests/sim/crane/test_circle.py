@@ -72,6 +72,7 @@ class Arc:
         return scans * DT
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("angles", [LIFT, LOWERING])
 @pytest.mark.parametrize(
     ("radius", "speed", "ladle"),
@@ -113,6 +114,7 @@ def test_after_a_path_fault_the_load_goes_on_from_where_it_stands() -> None:
     assert abs(arc.travel.angle - LIFT[1]) < 0.1
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("angles", [LIFT, LOWERING])
 @pytest.mark.parametrize(("beside", "left"), [(-40.0, 0.5), (15.0, 4.0), (25.0, 30.0)])
 def test_a_load_that_stands_beside_the_end_of_the_circle_goes_back_to_it_first(

@@ -105,6 +105,7 @@ class Runs:
             assert LimitAlarm.STOP_HIT in driven.limits.alarms[end]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(6))
 def test_no_order_fault_or_timing_moves_it_where_it_must_not(seed: int) -> None:
     moved, limits = 0.0, 0

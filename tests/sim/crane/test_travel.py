@@ -65,6 +65,7 @@ class Trip:
         return self.load.swings[axis].amplitude(self.load.rope.top - self.axes["hoist"].axis.position)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("axis", SWAYING)
 @pytest.mark.parametrize("way", [7000.0, -2500.0, 600.0])
 @pytest.mark.parametrize("height", [13000.0, 26000.0])

@@ -56,6 +56,7 @@ AFTER = {
 }
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize(("position", "code"), list(enumerate((1, 2, 3, 4, 5, 6, 8, 9, 10, 11))))
 def test_each_command_in_each_state(state: str, position: int, code: int) -> None:

@@ -6,6 +6,7 @@ from app.sim.eura_e800.faults import FAULTS, OH
 from tests.sim.eura_e800.stand import FORWARD, RESET, command, drive, go, image, inject, refusal, until
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("running", [True, False], ids=["running", "standing"])
 @pytest.mark.parametrize("code", FAULTS, ids=[name for name, _ in FAULTS.values()])
 def test_fault_trips_refuses_the_reset_and_clears_when_its_cause_is_gone(code: int, running: bool) -> None:

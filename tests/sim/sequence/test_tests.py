@@ -81,6 +81,7 @@ def test_commands_of_the_sequence_are_telegrams() -> None:
     assert one.ok, one.happened
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("then", "said"),
     [

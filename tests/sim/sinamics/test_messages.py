@@ -10,6 +10,7 @@ from app.sim.training import REG_MACHINE_FAULT
 from tests.sim.sinamics.stand import command, running, step, value
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("number", FAULTS)
 def test_every_fault_stops_as_its_reaction_says_and_needs_cause_gone_edge_and_off(number: int) -> None:
     drive = running()

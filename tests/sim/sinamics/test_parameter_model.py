@@ -82,6 +82,7 @@ def test_a_g120_has_everything_in_its_one_drive_object() -> None:
     assert values(powered(), "r0102") == (2,) and values(powered(), "p0101", 0, 3) == (1, 2, 0)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("one", PLAIN, ids=lambda one: one.code)
 def test_a_written_parameter_takes_its_limits_and_nothing_beyond(one: DriveParameter) -> None:
     drive = powered()
