@@ -90,7 +90,7 @@ def test_the_build_server_runs_every_test() -> None:
     script = ROOT / ".ci" / "run"
     assert os.access(script, os.X_OK)
     assert "set -euo pipefail" in script.read_text()
-    assert script.read_text().splitlines()[-1] == "exec make sweep"
+    assert script.read_text().splitlines()[-1] == "exec make test SWEEP=1"
 
 
 def test_the_front_end_is_packaged_with_its_licences_and_not_committed() -> None:
