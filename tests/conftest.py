@@ -94,7 +94,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [item for item in items if drawn(item, seed)]
 
 
-BROWSERS = 12
+BROWSERS = 16
 """One in so many tests with a browser is drawn: a second of theirs costs what fifty tests without one do."""
 
 

@@ -115,6 +115,7 @@ def another(data: Path) -> None:
     (data / "another").replace(data / "history.db")
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("fault", "loss", "kept"),
     [
@@ -170,6 +171,7 @@ def older(data: Path) -> None:
     shutil.copyfile(data / "earlier", data / "history.db")
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("fault", "loss"),
     [(nothing, ""), (removed, "removed"), (emptied, "removed"), (another, "replaced"), (older, "older")],

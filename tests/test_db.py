@@ -28,6 +28,7 @@ def test_the_newest_revision_is_the_one_that_alembic_names(name: str) -> None:
     assert _heads(name) == set(script.get_heads())
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_file_of_the_newest_schema_is_opened_without_alembic(
     tmp_path: Path, name: Literal["pogon", "history"]

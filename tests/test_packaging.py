@@ -282,6 +282,7 @@ def test_no_lock_file_names_where_packages_come_from() -> None:
     assert '"resolved"' not in (ROOT / "package-lock.json").read_text("utf-8")
 
 
+@pytest.mark.sweep(8)
 def test_the_bill_of_materials_has_all_that_runs_and_names_no_host(tmp_path: Path) -> None:
     target = tmp_path / "dist" / "pogon.cdx.json"
     call = [sys.executable, "-W", "error", "tools/sbom.py", target]

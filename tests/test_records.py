@@ -89,6 +89,7 @@ def test_a_coil_has_its_diameter_and_its_saddle(story: tuple[Path, dict[str, Kep
     assert one["events"][-1]["event"] == "coil_laid"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", SEEN)
 def test_the_command_line_gives_the_same_file(story: tuple[Path, dict[str, Kept]], kind: str) -> None:
     data, found = story

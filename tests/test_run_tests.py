@@ -197,6 +197,7 @@ def test_what_waits_has_more_processes_where_there_is_room(
     assert widths(cores, room, *asked) == given
 
 
+@pytest.mark.sweep(8)
 def test_what_spins_says_how_much_of_a_core_it_got(capfd: pytest.CaptureFixture[str]) -> None:
     exec(SPIN, {})
     assert 0 < float(capfd.readouterr().out) < 1.1

@@ -126,6 +126,7 @@ def test_codes_are_those_of_rfc_6238(access: Access, clock: ManualClock, time: i
     assert access.factors._step_of(RFC_KEY, f"{(int(code) + 1) % 1_000_000:06}") is None
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("steps", range(-5, 6))
 async def test_a_code_is_good_one_step_early_or_late(access: Access, clock: ManualClock, steps: int) -> None:
     phone, _ = await with_factor(access, clock)
@@ -151,6 +152,7 @@ async def test_digits_of_a_wide_keyboard_are_digits(access: Access, clock: Manua
     assert await give(access, await half_in(access), wide)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "typed",
     [

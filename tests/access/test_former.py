@@ -62,6 +62,7 @@ LEFT = {
 }
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("left", LEFT)
 @pytest.mark.parametrize("way", LOST)
 async def test_the_start_is_refused_with_what_to_do(open_access: OpenAccess, data: Path, way: str, left: str) -> None:

@@ -190,6 +190,7 @@ async def test_a_class_behind_one_address_signs_in_at_once_and_leaves_no_more_gu
     assert said == [401] * 20 + [429] * 2
 
 
+@pytest.mark.sweep(8)
 async def test_a_class_behind_one_address_signs_in_at_the_same_moment(access: Access, slow: asyncio.Event) -> None:
     class_ = [f"student{number}" for number in range(BUCKET + 11)]
     for name in class_:

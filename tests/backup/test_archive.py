@@ -83,6 +83,7 @@ def huge(manifest: dict[str, Any], members: list[tuple[tarfile.TarInfo, bytes]])
     manifest["files"]["plant/extra/note.txt"][0] = 10**15
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "change",
     [
@@ -162,6 +163,7 @@ def test_a_small_archive_unpacks_to_no_more_than_its_manifest_says(
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "manifest",
     [

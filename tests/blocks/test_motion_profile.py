@@ -12,6 +12,7 @@ from app.blocks.motion_profile import MotionProfile
 POSITIVE = st.floats(0.5, 1000)
 
 
+@pytest.mark.sweep(8)
 @given(st.one_of(st.just(0.0), st.floats(1e-3, 2e4)), POSITIVE, POSITIVE, POSITIVE)
 def test_rests_at_both_ends_and_keeps_speed_acceleration_and_jerk(
     distance: float, speed: float, acceleration: float, jerk: float

@@ -96,6 +96,7 @@ def test_after_a_restart_the_mailbox_is_empty() -> None:
     assert after.scan(Bus()) == IDLE and after.window[0] == 0 and look(after.window).idle
 
 
+@pytest.mark.sweep(8)
 def test_whatever_is_written_and_heard_it_goes_on() -> None:
     chance = random.Random(7)
     gateway = ParameterGateway()

@@ -60,6 +60,7 @@ def test_hardly_any_sway_is_left_after_every_change_of_speed(shaping: Shaping, l
     assert plain.top > 60.0 and shaped.top < plain.top
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("length", LENGTHS)
 @pytest.mark.parametrize("told", [0.8, 0.9, 1.1, 1.2])
 def test_a_wrong_rope_length_leaves_less_with_zvd_than_with_zv(length: float, told: float) -> None:
@@ -132,6 +133,7 @@ def test_is_switched_only_at_rest_and_cleared_at_once() -> None:
     assert shaper.step(0.0, 9810.0, Shaping.OFF) == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("shaping", Shaping)
 @pytest.mark.parametrize("gap", [12000.0, -12000.0, 3000.0, 400.0])
 @pytest.mark.parametrize("length", [5000.0, 20000.0])

@@ -423,6 +423,7 @@ def test_a_walk_goes_as_the_rules_say(seed: int) -> None:
         assert desk.holder or not waiting
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(20))
 def test_everybody_who_stays_has_it_in_time_while_holders_keep_silent(seed: int) -> None:
     random, desk = Random(seed), Desk()

@@ -84,6 +84,7 @@ async def test_the_axis_is_where_found_told_to_be_and_every_step_is_told(transpo
         assert (await adjust(it, -700)).state is CONFIRMED and now(it) == (3, -700, -700)  # and once more
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("former", [1, 3])
 @pytest.mark.parametrize(
     ("state", "cause"), [(0, "why.enc_error"), (1, "why.enc_not_adjusted"), (2, "why.enc_timeout")]

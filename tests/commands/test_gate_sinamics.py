@@ -156,6 +156,7 @@ async def pump(transport: str = "memory", kind: Callable[..., Any] = Pump, **sim
         await serial.close()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("transport", TRANSPORTS)
 async def test_a_day_of_the_drive_over_every_transport(transport: str) -> None:
     async with pump(transport) as it:
@@ -195,6 +196,7 @@ async def test_every_point_is_read_and_good(transport: str) -> None:
         assert len(names) > 90
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("transport", TRANSPORTS)
 async def test_a_fault_stops_it_and_is_acknowledged_by_an_edge_once_its_cause_is_gone(transport: str) -> None:
     async with pump(transport) as it:

@@ -122,6 +122,7 @@ def line(seq: int, object: str, result: str = "sent", former: object = None) -> 
 JOG = {"frequency_setpoint": 40.0}
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("told", "expected"),
     [

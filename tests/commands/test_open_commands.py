@@ -114,6 +114,7 @@ def line(
     return Record(time, kind, 1, "eva", "", "", object, "40", "45", result, "", params, seq)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("told", "expected"),
     [

@@ -131,6 +131,7 @@ def line(seq: int, kind: str, id: str, reason: str = "", object: str = "m1.setpo
     return Record(0, kind, 1, "eva", "", "", object, "", "", "sent", reason, params, seq)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("lines", "expected"),
     [

@@ -211,6 +211,7 @@ async def test_who_cancels_in_the_middle_gets_the_former_values(why: str) -> Non
         assert not it.gate.parameters.cancel("d1")
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("fault", "gateway"),
     [

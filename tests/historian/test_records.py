@@ -84,6 +84,7 @@ def test_runs_are_those_of_the_version_before(history: Database, seed: int, form
     assert hashlib.sha256(repr(now).encode()).hexdigest()[:16] == former, now
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(8))
 def test_the_store_says_what_the_fold_says(history: Database, seed: int) -> None:
     for equipment, portions in (("c1", stories.products(seed, 90)), ("seq1", stories.runs(seed, 20))):

@@ -304,6 +304,7 @@ def story() -> list[Event]:
     return device.drain()
 
 
+@pytest.mark.sweep(8)
 async def test_redelivery_after_a_crash_changes_nothing(kept: Records, history: Database) -> None:
     """Killed between the commit and the acknowledgement, at every place, with portions cut anywhere: as if nothing had happened."""
     source = random.Random(7)
@@ -490,6 +491,7 @@ def test_a_definition_is_kept_by_what_it_says() -> None:
     assert (other.bit(0, 0), other.bit(2, 9)) == ("abort.guards", "lift.bit_9")
 
 
+@pytest.mark.sweep(8)
 async def test_the_virtual_coil_line_tells_its_runs(kept: Records, history: Database) -> None:
     """The same words as the virtual device really puts into its ring: a transport, and one that a lost pressure ends."""
     kept.configure(sequences("seq1", "seq2", of=TRANSPORT))

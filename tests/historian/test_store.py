@@ -106,6 +106,7 @@ def assert_rolled_up(connection: Connection, rows: list[RawRow], now: int, numbe
                 assert math.isclose(mean, want.mean, rel_tol=1e-9, abs_tol=1e-3)
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=60, deadline=None)
 @given(histories(), histories(), st.integers(0, 3 * HOUR))
 def test_roll_ups_are_what_a_recomputation_over_all_rows_gives(
@@ -119,6 +120,7 @@ def test_roll_ups_are_what_a_recomputation_over_all_rows_gives(
         assert_rolled_up(connection, two, now, 2)
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=60, deadline=None)
 @given(histories(), st.data())
 def test_roll_ups_are_the_same_however_the_rows_came(rows: list[RawRow], data: st.DataObject) -> None:

@@ -115,6 +115,7 @@ async def test_a_clock_that_leaps_by_years_and_is_set_right_costs_no_history(
     assert not made.upkeep.clock_leapt
 
 
+@pytest.mark.sweep(8)
 async def test_a_leap_is_no_truer_after_a_restart_nor_takes_the_quota_more_than_it_needs(history: Database) -> None:
     source, made = await four_days(history)
     before = rows_of(history)

@@ -30,7 +30,7 @@ def pack(runtime: Runtime) -> None:
         point = runtime.history.run(partial(sealed.seal, before=runtime.clock.micros() + 26 * store.HOUR, point=point))
 
 
-@pytest.mark.sweep(20)
+@pytest.mark.sweep(30)
 @pytest.mark.skipif(not Path("/proc/self/io").exists(), reason="counts what the kernel counts")
 def test_a_day_of_the_demo_plant_is_small(tmp_path: Path) -> None:
     """For a cycle of its crane and the pause after it; the bytes are those that stay when the hour is packed."""

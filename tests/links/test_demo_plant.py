@@ -63,6 +63,7 @@ async def test_every_point_of_the_virtual_drives_is_good_and_simulated(transport
             assert max(b.block.count for b in station.blocks if b.block.address < 0x1000) <= 6
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("transport", ["memory", "tcp", "rtu"])
 async def test_the_instructor_pulls_a_cable_and_plugs_it_in_again(transport: str) -> None:
     async with demo(transport) as line:

@@ -238,6 +238,7 @@ async def machine(name: str, kind: str) -> AsyncIterator[tuple[RegisterLink, Tag
             await tty.close()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", MACHINES)
 async def test_every_machine_with_our_map_is_found_out_on_every_road(name: str, kind: str) -> None:

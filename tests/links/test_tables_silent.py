@@ -21,6 +21,7 @@ class Deaf(Bus):
         return Answer(unit, None) if pdu[0] in self.deaf else super().answer(unit, pdu)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("deaf", [(1,), (2,), (1, 2), (3,)])
 @pytest.mark.parametrize("name", list(TRANSPORTS))
 async def test_a_device_that_is_silent_for_a_table_has_all_the_rest(name: str, deaf: tuple[int, ...]) -> None:

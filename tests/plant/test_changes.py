@@ -123,6 +123,7 @@ def test_a_line_is_the_same_whatever_it_is_called(demo: Plant) -> None:
     assert not same_line(link, replace(link, timeout=3.0))
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("old", "new", "warned"),
     [

@@ -12,6 +12,7 @@ TYPES = sorted(folder.parent.name for folder in Path("app/equipment").glob("*/de
 SEQUENCES = sorted(file.parent.parent for file in Path("plants").glob("*/sequences/*.toml"))
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", TYPES)
 def test_every_condition_of_a_type_has_a_text_for_what_holds_and_one_for_what_is_missing(name: str) -> None:
     type = types.read_type(name, LANGUAGES)[0].type

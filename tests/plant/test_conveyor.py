@@ -455,6 +455,7 @@ def test_a_line_that_nobody_could_build_is_told(tmp_path: Path, options: str, to
     assert any(f"equipment.c1.{told}" in str(problem) for problem in problems), list(map(str, problems))
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("belts", "sensors", "places"),
     [

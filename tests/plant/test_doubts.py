@@ -55,6 +55,7 @@ SPARE_POINT = '[spare]\naddress = 30\nreadable = false\nwritable = true\nlabel =
 ROW = ALARM + 'cause = "a"\nresponse = "b"\n[equipment.l1]'
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("file", "name", "old", "new", "place", "expected"),
     [
@@ -138,6 +139,7 @@ def test_a_line_that_cannot_carry_its_reads_is_one(tmp_path: Path) -> None:
     assert f"every {load.cycle:.2g} s and not every 0.5 s" in doubt.expected
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", ["hr", "en", "de", "cs"])
 def test_it_is_told_in_every_language(folder: Path, language: str) -> None:
     told(folder, commands=("valve", "stop = true\n", ""), setpoints=("meter", "high = 100\n", ""))

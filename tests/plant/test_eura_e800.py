@@ -273,6 +273,7 @@ def broken(folder: Path, file: str, old: str, new: str) -> list[str]:
     return [str(problem) for problem in types.read_type("eura_e800", LANGUAGES, folder)[1]]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("file", "old", "new", "told"),
     [

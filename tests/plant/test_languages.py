@@ -77,6 +77,7 @@ def test_a_wrong_file_of_any_language_is_told(types: Path) -> None:
     assert said.file == "meter/texts.hr.toml"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("plant", ["demo", "own"])
 def test_a_new_language_of_the_product_asks_nothing_of_who_does_not_speak_it(
     types: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, plant: str

@@ -40,6 +40,7 @@ history = false
 """
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("wrong", WRONG)
 def test_one_wrong_value_of_an_own_type_is_told_once(tmp_path: Path, wrong: str) -> None:
     words = WORDS + 'point.y = "Y"\nalarm.hot.label = "H"\n'

@@ -234,6 +234,7 @@ MISTAKES = [
 ]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("file", "old", "new", "key", "expected"), MISTAKES)
 def test_a_mistake_is_named(tmp_path: Path, file: str, old: str, new: str, key: str, expected: str) -> None:
     found = problem(tmp_path, file, old, new)

@@ -123,6 +123,7 @@ def test_a_mistake_names_key_value_and_what_was_expected(
     assert all(problem.file == "type/records.toml" and problem.line for problem in told)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", types.names())
 def test_the_kinds_of_every_type_are_without_mistakes_and_say_everything(name: str) -> None:
     data, problems = types.read_type(name, ["en", "hr", "de", "cs"])

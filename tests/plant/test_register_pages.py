@@ -12,6 +12,7 @@ from app.sim.plc import header
 from tools import registers
 
 
+@pytest.mark.sweep(8)
 def test_no_page_is_stale_and_no_type_lacks_one() -> None:
     """Red? `make registers`."""
     wanted = registers.pages()

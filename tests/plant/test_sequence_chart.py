@@ -45,6 +45,7 @@ def test_a_file_without_has_the_check_sum_that_it_had(tmp_path: Path) -> None:
     assert "branch" not in read(tmp_path / "hall", "")[2]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("more", "head", "told"),
     [

@@ -215,6 +215,7 @@ def test_a_definition_and_a_machine_are_for_a_sequence_only(tmp_path: Path) -> N
 # ---- mistakes in the definition -----------------------------------------------------------------------
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("old", "new", "key", "expected"),
     [

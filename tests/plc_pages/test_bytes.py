@@ -118,6 +118,7 @@ def wrong_rows(page: Page, kind: str) -> set[str]:
     return wrong
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("row", "instead", "name"),
     [
@@ -197,6 +198,7 @@ def test_the_header_is_what_its_rows_say(kind: str) -> None:
     assert long(last, "boot count") >= 1 and long(last, "time quality") == 0
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_has_a_row_is_answered_and_what_has_none_is_refused(kind: str) -> None:
     """Every single register below the training registers."""

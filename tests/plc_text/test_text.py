@@ -44,6 +44,7 @@ def test_it_is_structured_text(name: str) -> None:
         assert len(parsed.transform().items) == 1
 
 
+@pytest.mark.sweep(8)
 def test_the_parser_can_say_no() -> None:
     unit = units(FOLDER / "codesys" / "PogonMap.st")[0]
     assert parse_source_code(unit).exception is None

@@ -183,6 +183,7 @@ async def test_a_person_who_stops_the_line_ends_the_run(tmp_path: Path) -> None:
         assert plant.value("c1.automatic") == 0 and line(plant).tracking.unloaded == 1
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("before", "order", "prepare", "reason", "label"),
     [

@@ -60,6 +60,7 @@ async def test_a_drive_turns_both_ways_and_stops(tmp_path: Path) -> None:
         assert {state for _, state in commands(plant, "d1")} == {"confirmed"}
 
 
+@pytest.mark.sweep(8)
 async def test_an_axis_stands_at_its_target_before_the_next_step_begins(tmp_path: Path) -> None:
     work = file(
         step("power", "a1.enable"),
@@ -182,6 +183,7 @@ async def test_a_suspend_right_after_the_end_of_a_run_does_not_take_its_stop_bac
         assert stopped == ["d1"] and abs(plant.value("d1.speed")) <= 30
 
 
+@pytest.mark.sweep(8)
 async def test_an_axis_that_loses_its_enable_ends_the_order_and_the_sequence_says_so(tmp_path: Path) -> None:
     work = file(step("power", "a1.enable"), step("there", "a1.move_to(target = 790, velocity = 3000)"))
     async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
@@ -372,6 +374,7 @@ VALUES = (
 COUNTED = '[[loops]]\nfrom = "a"\nto = "a"\ntimes = "recipe.count"\n'
 
 
+@pytest.mark.sweep(8)
 async def test_a_sequence_that_is_started_by_another_one_gets_the_values_that_it_is_given(tmp_path: Path) -> None:
     work = file(
         step("call", 'seq2.run(hold = "recipe.long", count = 3)'), step("again", "seq2.run(count = 1)"),

@@ -163,6 +163,7 @@ async def hall(
         await runtime.stop()
 
 
+@pytest.mark.sweep(8)
 async def test_a_drive_and_a_conveyor_run_side_by_side_and_every_command_is_confirmed(tmp_path: Path) -> None:
     async with hall(tmp_path) as plant:
         await plant.started()
@@ -207,6 +208,7 @@ async def test_what_the_gate_refuses_stops_the_sequence_and_what_ran_beside_it(t
         await plant.until(lambda: plant.value("c1.automatic") == 0 and plant.value("c1.moving") == 0)
 
 
+@pytest.mark.sweep(8)
 async def test_a_bad_point_fulfils_nothing_and_an_abort_condition_that_asks_it_stops_what_runs(tmp_path: Path) -> None:
     async with hall(tmp_path, FEED.replace("minimum = 0.5", "minimum = 50")) as plant:
         await plant.started()
@@ -233,6 +235,7 @@ async def test_suspended_everything_stands_and_resumed_it_runs_again(tmp_path: P
         await plant.until(lambda: plant.state is SequenceState.DONE)
 
 
+@pytest.mark.sweep(8)
 async def test_the_plant_starts_it_suspends_it_and_lets_it_go_on(tmp_path: Path) -> None:
     head = 'label = "Feed"\nstart_when = "m2.status == 1"\nsuspend_when = "m2.frequency > 20"\n'
     work = FEED.replace('label = "Feed"\n', head, 1).replace("minimum = 0.5", "minimum = 5")
@@ -270,6 +273,7 @@ async def by_ana(plant: Hall, machine: str, command: str, **asked: Any) -> None:
     assert last and last.state == "confirmed", last
 
 
+@pytest.mark.sweep(8)
 async def test_a_machine_that_a_person_runs_goes_on_when_a_sequence_does_not_get_it(tmp_path: Path) -> None:
     work = '[sequence]\nlabel = "Work"\n' + "".join(
         f'[[steps]]\nkey = "run_{n}"\nlabel = "Run"\nminimum = 0.5\nmaximum = 60\n'

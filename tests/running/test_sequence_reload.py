@@ -50,6 +50,7 @@ def holder(plant: Hall) -> str:
     return found.session if found else ""
 
 
+@pytest.mark.sweep(8)
 async def test_a_sequence_that_goes_with_the_last_link_in_memory_stops_what_it_ran(tmp_path: Path) -> None:
     async with running(tmp_path) as (plant, rest):
         await take(plant, tmp_path, rest)
@@ -82,6 +83,7 @@ async def test_a_sequence_that_is_renamed_still_stops_what_it_ran(tmp_path: Path
         assert not holder(plant)
 
 
+@pytest.mark.sweep(8)
 async def test_a_machine_that_is_renamed_with_its_sequence_is_stopped_by_its_new_name(tmp_path: Path) -> None:
     """The run is broken off, as its steps name another machine; its link has not heard yet that this one is simulated."""
     async with running(tmp_path) as (plant, rest):

@@ -29,6 +29,7 @@ def test_a_filter_is_kept_under_a_name_chosen_again_and_forgotten(staff: Staff) 
     assert ">Night shift</a>" not in ana.get("/alarms", fragment=False).text
 
 
+@pytest.mark.sweep(8)
 def test_what_is_no_filter_is_refused(staff: Staff) -> None:
     ana = Operator(staff, "ana", ("operator",))
     for given in ({"tab": "journal"}, {"priority": "9"}, {"tab": "elsewhere"}, {"state": "none"}):

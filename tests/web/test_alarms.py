@@ -546,6 +546,7 @@ def test_the_journal_is_narrowed_to_a_state_and_its_address_can_be_sent(hall: Ha
         assert '<option value="ack" selected>' in html and "FILTERED" in html
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_an_alarm_of_a_machine_that_a_reload_took_away_is_listed_and_told(hall: Hall, lang: str) -> None:
     hall.tell("left_changed", "gone", point="@set_frequency")

@@ -61,6 +61,7 @@ def test_every_page_is_drawn_in_every_language_without_a_text_missing(
         assert not UNTOLD.findall(re.sub(r"<script.*?</script>", "", drawn, flags=re.DOTALL)), (path, language)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("machine", SIZES)
 def test_the_picture_has_every_belt_sensor_and_area_and_a_button_for_each_belt(staff: Staff, machine: str) -> None:
     belts, sensors = SIZES[machine]

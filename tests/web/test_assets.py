@@ -119,6 +119,7 @@ def test_text_is_packed_for_who_can_unpack_it(client: TestClient) -> None:
     assert len(packed) < len(plain.content) / 2
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "name",
     [

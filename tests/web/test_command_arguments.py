@@ -82,6 +82,7 @@ def numbers(staff: Staff) -> set[int]:
     return {int(value(staff, f"product_{slot}_id") or 0) for slot in range(1, slots + 1)} - {0}
 
 
+@pytest.mark.sweep(8)
 def test_a_product_is_put_moved_and_deleted_and_the_audit_says_by_whom_and_why(staff: Staff, eva: Operator) -> None:
     standing(staff, eva)
     product = put(staff, eva, "40")

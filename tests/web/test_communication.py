@@ -96,6 +96,7 @@ def test_every_state_error_and_exception_has_words_in_every_language() -> None:
         assert [key for key in wanted if not texts.has(lang, key)] == []
 
 
+@pytest.mark.sweep(8)
 def test_raw_words_stand_beside_the_values_that_were_made_of_them(staff: Staff) -> None:
     staff.enter("ole", "operator")
     runtime = staff.client.app.state.runtime  # type: ignore[attr-defined]
@@ -132,6 +133,7 @@ def test_a_port_that_is_not_there_is_told_in_words(staff: Staff) -> None:
     assert "not connected" in details and "/dev/pogon-has-none: no such device; is the adapter plugged in?" in details
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("lang", "counted", "strange"),
     [

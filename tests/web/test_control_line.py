@@ -127,6 +127,7 @@ def test_who_is_told_why_not(staff: Staff, people: list[Operator]) -> None:
     assert line_of(eva.post(f"{TOKEN}/request")) == "M1: Control taken", "it was free"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_every_language_tells_the_place_and_who_waits(staff: Staff, people: list[Operator], lang: str) -> None:
     ana, ivo, eva, tom = (Operator(staff, who.name, who.roles, lang, who.sid) for who in people[:4])

@@ -108,6 +108,7 @@ def press_until_a_product_stands(person: Operator, machine: str, head: str, leng
 # ---- the page ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", LANGUAGES)
 @pytest.mark.parametrize(
     "path",

@@ -160,6 +160,7 @@ def hold(operator: Operator, command: str, seconds: float) -> None:
         assert operator.post("/equipment/cr1/release", lease=lease, cause="released").status_code == 204
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("command", ["jog_hoist_up", "jog_trolley_down", "jog_bridge_up"])
 def test_a_jog_moves_its_axis_and_its_end_is_confirmed(ivana: Operator, command: str) -> None:
     client = ivana.staff.client

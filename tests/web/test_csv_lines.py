@@ -35,6 +35,7 @@ def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hall]:
         yield hall
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", LANGUAGES)
 @pytest.mark.parametrize(("address", "file"), PAGES.items())
 def test_the_file_of_a_page_has_the_separators_of_its_language(hall: Hall, address: str, file: str, lang: str) -> None:

@@ -89,6 +89,7 @@ def test_what_was_read_goes_home_as_csv_and_json_and_comes_back_without_a_differ
         assert not elements(client)
 
 
+@pytest.mark.sweep(8)
 def test_what_differs_goes_into_the_list_and_is_reviewed_there(people: Staff, client: TestClient) -> None:
     said = send(people, "object;parameter;value\n2;p1120;12,5\n2;p1121;5\n2;r0020;7\n2;p0840;r0722.0\n")
     assert "12.5" in said and "only read" in said
@@ -103,6 +104,7 @@ def test_what_differs_goes_into_the_list_and_is_reviewed_there(people: Staff, cl
     assert "12.5" in review and "Ramp" in review
 
 
+@pytest.mark.sweep(8)
 def test_a_file_with_mistakes_names_each_and_nothing_of_it_can_be_taken(people: Staff, client: TestClient) -> None:
     said = send(people, "object;parameter;value\n2;p1120;12.5\n2;p9999;1\n2;p1120;9\n2;p1121;1000001\n")
     for part in ("Line 3", "p9999", "Line 4", "2:p1120", "Line 5", "p1121"):
@@ -111,6 +113,7 @@ def test_a_file_with_mistakes_names_each_and_nothing_of_it_can_be_taken(people: 
     assert 'name="value"' not in client.get(PATH).text
 
 
+@pytest.mark.sweep(8)
 def test_a_file_comes_in_pieces_and_one_that_is_missing_is_told(people: Staff, client: TestClient) -> None:
     text = "object;parameter;value\n" + "".join(f"2;p1120;{n}\n" for n in range(3))
     said = send(people, text, piece=10)

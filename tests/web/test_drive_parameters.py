@@ -68,6 +68,7 @@ def read(client: TestClient, people: Staff, *, seconds: float = 20.0, **form: st
     return drawn(client, f"{PATH}?{query}")
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_it_lists_every_parameter_in_every_language(client: TestClient, language: str) -> None:
     text = drawn(client, PATH, language)

@@ -25,6 +25,7 @@ def test_the_shipped_steps_run_the_drive_both_ways_for_ten_seconds() -> None:
     assert 9.9 < lasted[0] < 11 and 9.9 < lasted[2] < 11
 
 
+@pytest.mark.sweep(8)
 def test_the_page_of_the_drive_starts_its_steps_and_leads_to_their_editor(start: Start, tmp_path: Path) -> None:
     shutil.copytree(PLANT, tmp_path / "plant")
     staff = Staff(start(plant=tmp_path / "plant"))

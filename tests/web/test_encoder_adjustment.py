@@ -104,6 +104,7 @@ def part(text: str, name: str) -> str:
     return words(text.partition(f'data-part="d1.enc-{name}"')[2].partition('data-part="d1.enc-')[0].partition(">")[2])
 
 
+@pytest.mark.sweep(8)
 def test_adjusted_step_by_step_then_saved(client: TestClient, people: Staff) -> None:
     assert "Not read yet" in words(client.get(PATH).text)
     post(people, "read")
@@ -169,6 +170,7 @@ def test_cancelled_by_whoever_may_and_told_to_everybody(client: TestClient, peop
     assert drive(client).model.values("p2507") == [1] and drive(client).model.values("p2599") == [0]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("form", "says"),
     [({"coordinate": "abc"}, "abc"), ({"coordinate": ""}, "Reference point coordinate"), ({"coordinate": "3000000000"}, "2 147 482 647"),

@@ -61,6 +61,7 @@ def count(page: str) -> int:
     return page.count('data-row="')
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("query", "wanted"),
     [

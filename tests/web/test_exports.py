@@ -154,6 +154,7 @@ EXPORTS = [
 ]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("address", EXPORTS)
 @pytest.mark.parametrize("where", ["open", "read", "stream", "file_name", "record", "send", "gone", "cancelled"])
 def test_a_place_is_given_back_whatever_fails(

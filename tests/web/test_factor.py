@@ -104,6 +104,7 @@ def test_a_recovery_code_signs_in_where_the_telephone_is_lost(staff: Staff) -> N
     assert staff.post("/signin/code", {"code": codes[4]}).status_code == 401
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("way", ["no ticket", "foreign", "late", "signed out"])
 def test_without_its_ticket_a_sign_in_begins_with_the_password(staff: Staff, way: str) -> None:
     key, _ = enrol(staff, f"w{way.replace(' ', '')}", "operator")
@@ -159,6 +160,7 @@ def test_a_role_that_asks_for_it_leads_to_enrolment_and_nowhere_else(staff: Staf
     assert staff.client.get("/").headers["location"] == "/account/factor"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("path", ["codes", "remove"])
 @pytest.mark.parametrize(("password", "code"), [("wrong", True), (PASSWORD, False), ("wrong", False)])
 def test_what_changes_the_factor_asks_for_both(staff: Staff, path: str, password: str, code: bool) -> None:
@@ -223,6 +225,7 @@ def test_wrong_codes_wait_and_say_so(staff: Staff) -> None:
     assert f"/users/{staff.add('waits')}/unlock" in staff.client.get("/users").text
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_its_pages_speak_every_language_and_have_nothing_inline(staff: Staff, lang: str) -> None:
     name = f"lang-{lang}"

@@ -300,6 +300,7 @@ def test_the_buffer_of_a_further_axis_is_read_from_it(client: TestClient, people
         del model._read
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("object", ["256", "-1", "x", "1.0", "²"])
 def test_what_is_no_drive_object_is_refused(client: TestClient, object: str) -> None:
     assert client.get(f"{PATH}?object={object}").status_code == 422

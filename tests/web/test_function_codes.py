@@ -252,6 +252,7 @@ def test_an_unlocked_memory_is_made_permanent_first(client: TestClient, people: 
     assert held(client, "F114") == [8.0]
 
 
+@pytest.mark.sweep(8)
 def test_nothing_unknown_is_written_while_the_motor_turns(client: TestClient, people: Staff) -> None:
     drive(client).write(6, 0x2000, [1])
     pass_time(3)
@@ -282,6 +283,7 @@ def test_what_cannot_be_written_is_told_in_the_review(
     assert 'name="password"' not in text
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("key", ["0:F000", "0:FB00", "0:f114", "0:p1120", "1:F11", "999:F114", "0:F114[0]"])
 def test_what_is_no_code_is_not_put_into_the_list(client: TestClient, people: Staff, key: str) -> None:
     answer = people.post(f"{PATH}/list", {"add": key}, **HX)

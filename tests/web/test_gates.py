@@ -102,6 +102,7 @@ def hall(folder: Path, plant: str, device: VirtualConveyor) -> Iterator[Hall]:
         client.run(server.close())
 
 
+@pytest.mark.sweep(8)
 def test_a_gate_goes_where_it_is_commanded_and_says_so_itself(tmp_path: Path) -> None:
     device = VirtualConveyor(Geometry(gates=GATES), start="automatic", arrivals=False, settings=QUICK)
     with hall(tmp_path, WITH_GATES, device) as here:
@@ -167,6 +168,7 @@ def before(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plc_map, "MINOR", 4)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.usefixtures("before")
 def test_a_plc_of_map_1_4_goes_on_working_without_gates(tmp_path: Path) -> None:
     device = VirtualConveyor(start="automatic", interval=4.0, settings=QUICK)
@@ -179,6 +181,7 @@ def test_a_plc_of_map_1_4_goes_on_working_without_gates(tmp_path: Path) -> None:
         here.do("stop")
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.usefixtures("before")
 def test_a_plc_of_map_1_4_behind_a_plant_file_with_gates_works_and_its_gates_are_not_known(tmp_path: Path) -> None:
     device = VirtualConveyor(start="automatic", interval=4.0, settings=QUICK)

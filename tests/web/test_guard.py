@@ -431,6 +431,7 @@ def test_the_token_may_come_in_a_header_and_every_page_has_a_fresh_one(staff: St
     assert staff.access.is_form_token(first[1], sid)
 
 
+@pytest.mark.sweep(8)
 def test_nothing_changes_with_get(staff: Staff) -> None:
     staff.enter("boss1", "admin")
     for route in routes():

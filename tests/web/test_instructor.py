@@ -115,6 +115,7 @@ def test_the_world_of_a_machine_is_set_and_reset(staff: Staff) -> None:
     assert staff.wait(link_of(staff.client).raw_read, 1, own.REG_LOAD, 5) == before
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("path", "data"),
     [
@@ -222,6 +223,7 @@ def test_only_an_engineer_breaks_machines(staff: Staff) -> None:
     assert register(staff, 1, training.REG_MACHINE_FAULT) == 0
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("lang", "mean", "counts"), [("en", "10.0\u00a0s", "× 0.1 s"), ("de", "10,0\u00a0s", "× 0,1 s")]
 )

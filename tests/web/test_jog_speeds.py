@@ -50,6 +50,7 @@ def test_they_are_read_with_their_range_and_typed_ones_go_into_the_reviewed_list
     people.post("/equipment/a1/drive-parameters/list", {"clear": "1"})
 
 
+@pytest.mark.sweep(8)
 def test_a_drive_that_tells_nothing_is_told_and_asked_again(people: Staff) -> None:
     people.have(people.ivana)  # type: ignore[attr-defined]
     drive = people.client.app.state.runtime.sim.devices["a1"]  # type: ignore[attr-defined]

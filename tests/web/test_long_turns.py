@@ -30,6 +30,7 @@ def work() -> Iterator[Work]:
         yield work
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("piece", PIECES)
 def test_names_of_tags_cost_no_long_turn(staff: Staff, work: Work, piece: str) -> None:
     for size in (2_000, 8_000, 19_999):

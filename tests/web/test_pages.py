@@ -23,6 +23,7 @@ AREA = {"hr": "Pogoni", "en": "Drives", "de": "Antriebe", "cs": "Pohony"}
 NOT_FOUND = {"hr": "nije pronađena", "en": "not found", "de": "nicht gefunden", "cs": "nenalezena"}
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("path", ["/", "/area/drives", "/equipment/m1", "/nowhere"])
 @pytest.mark.parametrize("theme", ["light", "dark", "auto"])
 @pytest.mark.parametrize("lang", LANGUAGES)

@@ -122,6 +122,7 @@ def test_a_hit_is_a_way_and_no_deed(staff: Staff) -> None:
     assert "&lt;b&gt;" in operator.get("/palette/found?q=%3Cb%3E").text
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_code_leads_to_its_row_on_the_page_of_every_drive_that_has_it(staff: Staff, language: str) -> None:
     engineer = Operator(staff, "mate", ("engineer",), language)
@@ -139,6 +140,7 @@ def test_a_code_leads_to_its_row_on_the_page_of_every_drive_that_has_it(staff: S
     assert not hits(engineer.get("/palette/found?q=F999").text), "no drive may have it"
 
 
+@pytest.mark.sweep(8)
 def test_a_drive_behind_a_mailbox_is_found_by_the_number_of_its_parameter(tmp_path: Path) -> None:
     with house(Settings(plant=bundled("plants/sinamics"), data=tmp_path / "data")) as browser:
         staff = Staff(browser)

@@ -237,6 +237,7 @@ def test_times_of_parts_are_those_of_the_filtered_runs(staff: Staff) -> None:
     staff.client.cookies.delete("pogon_lang")
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("kind", "stem"), [("passage", "products"), ("run", "runs"), ("force", "forces")])
 @pytest.mark.parametrize("locale", [*LANGUAGES, "machine"])
 def test_an_export_proves_itself_and_holds_no_formula(

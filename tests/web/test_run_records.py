@@ -335,6 +335,7 @@ def test_a_time_that_no_clock_can_show_is_refused_before_an_export_begins(staff:
         get(staff, f"/records/run/{path}", 422, **edge)
 
 
+@pytest.mark.sweep(8)
 def test_a_time_with_an_offset_of_its_own_keeps_it(staff: Staff) -> None:
     staff.enter("ivo", "operator")
 

@@ -152,6 +152,7 @@ def test_page_and_interface_mark_labels_alike(plant: TestClient, lang: str) -> N
     assert plant_text({}, lang, runtime.plant) == ""
 
 
+@pytest.mark.sweep(8)
 def test_why_a_permissive_is_forced_is_what_was_said_with_the_force_that_stands(
     plant: TestClient, engineer: Operator
 ) -> None:

@@ -75,6 +75,7 @@ def test_actions_are_called_as_their_machine_calls_them(start: Start) -> None:
         assert box and f"<span>{called} <" in box[1] and ">drive_to_mandrel<" in box[1]
 
 
+@pytest.mark.sweep(8)
 def test_only_an_engineer_edits(staff: Staff) -> None:
     window = Window(staff)
     for role in ("viewer", "operator", "admin"):

@@ -51,6 +51,7 @@ def hint(answer: str, name: str) -> str:
     return found[1] if found else ""
 
 
+@pytest.mark.sweep(8)
 def test_values_of_a_run_are_fields_of_the_head(staff: Staff) -> None:
     before = file(staff)
     assert 'name="recipe.0.maximum" value="50"' in page(staff)
@@ -111,6 +112,7 @@ def test_a_loop_is_counted_by_a_number_or_a_value_of_the_run(staff: Staff) -> No
     assert "times = 5\n" in file(staff)
 
 
+@pytest.mark.sweep(8)
 def test_safe_steps_are_chosen_by_name(staff: Staff) -> None:
     shown = page(staff)
     assert "4 · Stop again" in shown
@@ -121,6 +123,7 @@ def test_safe_steps_are_chosen_by_name(staff: Staff) -> None:
     assert "abort_to" not in file(staff)
 
 
+@pytest.mark.sweep(8)
 def test_what_no_field_has_stays(staff: Staff) -> None:
     send(staff, "do", do="add_loops")
     text = re.search(r"<textarea[^>]*>\n(.*?)</textarea>", page(staff, "tests"), re.S)

@@ -27,6 +27,7 @@ def staff(start: Start, folder) -> Iterator[Staff]:  # type: ignore[no-untyped-d
     yield people
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", WORDS)
 def test_the_editor_offers_it_in_words(staff: Staff, language: str) -> None:
     staff.client.cookies.set("pogon_lang", language)
@@ -35,6 +36,7 @@ def test_the_editor_offers_it_in_words(staff: Staff, language: str) -> None:
         assert re.search(rf'<option value="{key}"[^>]*>{key} · {called}</option>', page), page
 
 
+@pytest.mark.sweep(8)
 def test_its_number_of_products_is_asked_and_checked(staff: Staff) -> None:
     window = Window(staff, "2")
     wrong = window.send("fields", orders__0__action="feed").text

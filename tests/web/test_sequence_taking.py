@@ -65,6 +65,7 @@ def test_the_review_says_in_words_what_changes_and_what_follows(staff: Staff) ->
     assert "A simulated sequence seq1 begins in its initial state" in page
 
 
+@pytest.mark.sweep(8)
 def test_it_is_taken_with_a_reason_as_the_same_text_that_an_integrator_writes(staff: Staff, folder: Path) -> None:
     Window(staff, "2").send("fields", minimum="25")
     assert take(staff, reason=" ").status_code == 422
@@ -108,6 +109,7 @@ def test_mistakes_are_not_taken(staff: Staff, folder: Path) -> None:
     assert take(staff, digest="").status_code == 409 and written(folder) == FILE
 
 
+@pytest.mark.sweep(8)
 def test_it_is_refused_while_the_sequence_runs_and_says_so(staff: Staff, folder: Path) -> None:
     Window(staff, "2").send("fields", minimum="25")
     runtime = staff.client.app.state.runtime  # type: ignore[attr-defined]
@@ -122,6 +124,7 @@ def test_it_is_refused_while_the_sequence_runs_and_says_so(staff: Staff, folder:
     assert "minimum = 25" in Window(staff, "2").page
 
 
+@pytest.mark.sweep(8)
 def test_of_two_engineers_the_second_is_told_and_loses_nothing(staff: Staff, folder: Path) -> None:
     Window(staff, "2").send("fields", minimum="25")
     english(staff, "marko")
@@ -245,6 +248,7 @@ def test_a_former_revision_comes_back_as_a_new_one(staff: Staff, folder: Path) -
     assert staff.post(f"{URL}/restore", {"number": "9", "over": "1"}).status_code == 404
 
 
+@pytest.mark.sweep(8)
 def test_the_page_of_revisions_has_the_time_of_the_house_for_its_clock(staff: Staff) -> None:
     """It had the number of a revision there, or the word "file", and the clock of the page threw five times a second."""
     for _ in range(2):

@@ -513,6 +513,7 @@ def test_no_page_shows_a_hash_a_key_or_a_password(staff: Staff) -> None:
         assert "argon2" not in text and PASSWORD not in text
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", ["hr", "en", "de", "cs"])
 @pytest.mark.parametrize("path", ["/signin", "/account", "/users", "/tokens", "/audit"])
 def test_every_page_has_all_its_texts(staff: Staff, path: str, language: str) -> None:

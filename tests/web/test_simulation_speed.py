@@ -127,6 +127,7 @@ def test_a_faster_plant_keeps_its_links_and_the_times_of_the_server(staff: Staff
     assert staff.wait(astray, client) < 200_000, "what happens right after a pause is not told as before it"
 
 
+@pytest.mark.sweep(8)
 def test_who_may_and_what_is_noted(staff: Staff) -> None:
     assert staff.post("/simulation/speed", {"speed": "3"}).status_code == 422
     assert (

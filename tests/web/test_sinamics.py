@@ -89,6 +89,7 @@ def test_a_running_drive_is_usual_in_every_bit(client: TestClient, language: str
     assert unusual == []
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("number", [30005, 1910, 7452])
 def test_a_fault_stands_with_number_name_cause_and_remedy(client: TestClient, number: int) -> None:
     cause(client, training.REG_MACHINE_FAULT, number)

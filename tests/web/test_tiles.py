@@ -85,6 +85,7 @@ def test_who_comes_at_the_same_moment_costs_a_part_of_the_first(client: TestClie
     assert others[15] * 4 < first, f"{first} calls of functions for the first, {others[15]} for the next"
 
 
+@pytest.mark.sweep(8)
 def test_the_sheet_of_the_sign_in_lies_over_tiles_that_others_have_drawn(client: TestClient) -> None:
     Staff(client).add("ada", "operator")
     for path in ("/", "/signin"):
@@ -95,6 +96,7 @@ def test_the_sheet_of_the_sign_in_lies_over_tiles_that_others_have_drawn(client:
     assert others[2] * 4 < first, f"{first} calls of functions for the first, {others[2]} for the sheet"
 
 
+@pytest.mark.sweep(8)
 def test_a_number_on_a_tile_is_never_older_than_a_moment(client: TestClient) -> None:
     view, runtime = client.app.state.view, runtime_of(client)  # type: ignore[attr-defined]
     drawn = tiles.Tiles(view._environment(runtime.texts, "en"))
@@ -137,6 +139,7 @@ def test_a_lost_link_shows_at_once_on_every_tile(client: TestClient) -> None:
     assert not re.search(r'class="val[^>]*data-tag="m1\.current" data-q="good"', grid(client))
 
 
+@pytest.mark.sweep(8)
 def test_an_alarm_marks_the_tile_of_its_machine_at_once(client: TestClient) -> None:
     place = re.compile(r'data-mark-of="m2" data-look="alm-[ls]">(.*?)</span>', re.S)
     client.pass_time(1)  # type: ignore[attr-defined]
@@ -245,6 +248,7 @@ def test_a_tile_is_not_asked_for_again_because_a_page_begins_to_follow(client: T
         assert value == f"{runtime.tags.value(runtime.tags.handle(tag)):g}", tag
 
 
+@pytest.mark.sweep(8)
 def test_thirty_pages_that_ask_for_their_lines_cost_little_more_than_one(client: TestClient) -> None:
     work_of(client, "/why")
     client.pass_time(2)  # type: ignore[attr-defined]

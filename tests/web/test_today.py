@@ -57,6 +57,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VirtualClient]
         yield client
 
 
+@pytest.mark.sweep(8)
 def test_it_tells_what_was_seen_and_since_when(running: VirtualClient) -> None:
     found = lines(running)
     assert found[""] == "Today since 00:00 · not known until 12:00"

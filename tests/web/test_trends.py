@@ -352,6 +352,7 @@ def test_a_range_in_the_hour_that_comes_twice_is_typed_back_as_it_was(client: Te
         assert (back["from"], back["to"]) == tuple(to_micros(datetime.fromisoformat(one)) for one in (begin, end))
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "view",
     [

@@ -46,6 +46,7 @@ def tabs(html: str) -> list[tuple[str, bool]]:
     return [(url, bool(current)) for url, current in links]
 
 
+@pytest.mark.sweep(8)
 def test_every_page_template_of_a_type_is_a_tab_of_its_machines(client: TestClient, tmp_path: Path) -> None:
     assert tabs(client.get("/equipment/m1").text) == []
     assert client.get("/equipment/m1/page/second").status_code == 404
@@ -59,6 +60,7 @@ def test_every_page_template_of_a_type_is_a_tab_of_its_machines(client: TestClie
     assert tabs(client.get("/equipment/m2/page/second").text)[2] == ("/equipment/m2/page/second", True)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", ["none", "", "second.html", "%2e%2e%2fpage", "\u00b2"])
 def test_a_page_that_the_type_does_not_have_is_not_there(client: TestClient, name: str) -> None:
     assert client.get(f"/equipment/m1/page/{name}").status_code == 404
@@ -89,6 +91,7 @@ def test_the_demo_shows_every_type_with_what_it_brings(client: TestClient) -> No
     assert overview.count("coil_car.tile.") == 1
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("permission", "done"), [("configure", True), ("administer", False)])
 def test_the_work_of_a_page_is_for_those_who_may(
     client: TestClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, permission: str, done: bool

@@ -69,6 +69,7 @@ def test_no_page_leaves_a_date_to_the_language_of_the_browser() -> None:
         assert not re.search(r'type="(date|time|datetime-local|month|week)"', file.read_text("utf-8")), file
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("path", FIELDS)
 def test_every_page_with_a_date_reads_and_shows_it(staff: Staff, path: str) -> None:
     boss = Operator(staff, "boss", ("admin", "engineer", "operator"), "de")

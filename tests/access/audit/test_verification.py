@@ -130,6 +130,7 @@ async def test_all_older_marks_but_the_key_put_back_are_found_by_the_anchor_in_i
 ODD = ["é" * 64, "", "0" * 63 + "é", "zz" * 32, "\u2028", "1e5", "\ud800"]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("file", ["audit.head", "audit.anchors", "audit.key"])
 @pytest.mark.parametrize("odd", [*ODD, "binary", "long", "short", "folder"])
 async def test_a_mark_that_is_rubbish_is_a_verdict(

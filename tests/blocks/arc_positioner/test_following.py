@@ -73,6 +73,7 @@ def anyhow(random: Random, longest: float) -> Case:
             return case
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "angles", [(-30, 200), (200, -30), (350, 370), (100, 170), (170, 190), (190, 170), (0, 360), (-10, 10), (10, -10)]
 )
@@ -81,6 +82,7 @@ def test_any_start_angle_to_any_end_angle_in_both_directions(angles: tuple[float
     assert done.phase is ArcPhase.DONE and done.worst <= 2.0 and done.end <= 2.0
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "case",
     [

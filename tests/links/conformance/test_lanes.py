@@ -84,6 +84,7 @@ BREAKS = [
 ]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("rule", "words", "seen"), BREAKS)
 async def test_what_a_lane_breaks_is_named(rule: str, words: dict[int, int], seen: str) -> None:
     async with scanning("conveyor", plant()) as (bus, unit):

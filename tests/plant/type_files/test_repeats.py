@@ -83,6 +83,7 @@ def test_a_mistake_in_a_repeated_row_is_told_where_it_is_written(tmp_path: Path)
     }
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("file", "old", "new", "key", "expected"),
     [
@@ -148,6 +149,7 @@ def test_a_machine_has_as_many_points_alarms_and_commands_as_its_plant_file_says
     assert (two.type.name, plant.types["conveyor"]) == ("conveyor", three.type)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("rows", "said"),
     [

@@ -18,6 +18,7 @@ def problems(tmp_path: Path, text: str) -> list[Problem]:
     return read_type("conveyor", LANGUAGES, tmp_path)[1]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("text", "expected"),
     [

@@ -1,5 +1,7 @@
 """Where the coil car's coil goes: the farthest saddle that is free and can be reached."""
 
+import pytest
+
 from app.sim.coil_car.register_map import (
     ACTIONS,
     CoilCarCommand,
@@ -22,6 +24,7 @@ def test_the_target_is_the_farthest_saddle_that_can_be_reached() -> None:
     assert (value(car, "target_saddle"), value(car, "target_selected"), value(car, "target_free")) == (2, 2, 0)
 
 
+@pytest.mark.sweep(8)
 def test_the_target_stays_while_the_car_stands_at_it_and_is_the_next_one_once_it_leaves() -> None:
     car, _ = line(start="automatic", coil=True)
     for action in ACTIONS:

@@ -28,6 +28,7 @@ def wide(belts: int, sensors: int, **options: object) -> VirtualConveyor:
     return VirtualConveyor(geometry, arrivals=False, settings=QUICK, **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("belts", "sensors"), [(1, 1), (2, 3), (4, 5), (11, 20), (16, 32)])
 def test_the_map_of_a_line_of_any_build_says_what_it_is(belts: int, sensors: int) -> None:
     plc = wide(belts, sensors, start="automatic")

@@ -209,6 +209,7 @@ async def test_by_hand_a_gate_moves_in_manual_only_and_never_under_a_product() -
     whole(plc)
 
 
+@pytest.mark.sweep(8)
 async def test_a_gate_by_hand_is_turned_while_the_line_runs() -> None:
     line = TestLine(sorting(Geometry(gates=(GatePlan(330.0, Rule.HAND),)), scanner=0))
     line.go(40)

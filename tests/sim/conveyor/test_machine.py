@@ -53,6 +53,7 @@ async def test_a_blind_first_sensor_shows_at_the_second() -> None:
     await on.until_event(29, 1)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("sensor", [1, 2, 3, 4])
 async def test_a_stuck_sensor_is_suspected_and_the_line_recovers(sensor: int) -> None:
     on = running()

@@ -72,6 +72,7 @@ async def test_a_reading_is_told_once_with_order_class_and_weight() -> None:
     assert not [event for event in line.events if event.code == ConveyorEvent.NOT_READ]
 
 
+@pytest.mark.sweep(8)
 async def test_what_cannot_be_read_is_told_and_shown_as_that() -> None:
     line = TestLine(scanning(not_read=40.0))
     states: set[float] = set()

@@ -113,6 +113,7 @@ def test_outside_manual_a_lever_moves_nothing(mode: str) -> None:
 # ---- limits
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("axis", AXES)
 @pytest.mark.parametrize("way", [1, -1])
 def test_an_axis_slows_down_stops_at_its_switch_and_is_acknowledged_after_moving_away(axis: str, way: int) -> None:
@@ -144,6 +145,7 @@ def test_an_axis_slows_down_stops_at_its_switch_and_is_acknowledged_after_moving
     assert not moved.limits.active
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("axis", AXES)
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize("first", [own.STOP_DEAD, own.SLOW_DEAD])
@@ -187,6 +189,7 @@ def test_a_brake_that_sticks_ends_the_start_with_its_time_out(brake: int) -> Non
     stand.until(lambda: stand.crane.axes[axis].speed > 5, 5)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("fault", "axis"),
     [

@@ -78,6 +78,7 @@ def test_what_is_written_acts_at_the_next_step_and_a_lag_and_an_integral_follow(
     assert energy == pytest.approx(12_000 + 9.6 * (38 - 2) / 3600, abs=0.002)
 
 
+@pytest.mark.sweep(8)
 def test_a_ramp_goes_at_its_rate_and_a_heartbeat_begins_again(plant: Plant) -> None:
     machine = go(device(plant, "l1"), 2)
     assert told(plant, machine, "l1", "flow") == pytest.approx(1.0, abs=1e-6)

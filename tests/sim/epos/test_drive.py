@@ -93,6 +93,7 @@ def test_jog_speeds_are_the_parameters_and_change_while_it_jogs() -> None:
     assert it.positioner.task is Task.NONE and not told(it)["POS_ZSW1"] & 1 << 10
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("number", FAULTS)
 def test_every_fault_trips_it_stands_in_the_buffer_and_goes_when_it_is_acknowledged(number: int) -> None:
     it = enabled()

@@ -47,6 +47,7 @@ def run(it: BasicPositioner, what: Wanted, seconds: float, *, adjusted: bool = T
         assert ramps or it.position == it.target
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("target", [0.0, 100_000.0, 399_999.0, 400_003.0, 800_000.0])
 @pytest.mark.parametrize("velocity", [1_000.0, 90_000.0, 400_000.0])
 def test_an_absolute_move_ends_at_its_target_without_passing_it(target: float, velocity: float) -> None:

@@ -32,6 +32,7 @@ def test_drive_overload_by_its_own_curve() -> None:
     assert device.fault == OL1
 
 
+@pytest.mark.sweep(8)
 def test_heat_sink_and_winding_warm_slowly_and_cool_again() -> None:
     device = VirtualE800(parameters=QUIET, load=100, quadratic_load=0, disturbance=0)
     command(device, FORWARD, 1)

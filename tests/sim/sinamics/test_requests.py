@@ -27,6 +27,7 @@ def test_what_the_map_does_not_list_answers_2_whether_read_or_written(words: int
     assert code_of(lambda: drive.read(3, at(40349), 2)) == 2, "a range with one that is not there"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("deed", "code"),
     [

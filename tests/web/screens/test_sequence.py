@@ -58,6 +58,7 @@ def sequence(client: TestClient, key: str, lang: str = "en") -> SequenceView:
     return found
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", LANGUAGES)
 @pytest.mark.parametrize("path", PAGES)
 def test_a_page_is_whole_in_every_language(plant: TestClient, engineer: Operator, path: str, lang: str) -> None:
