@@ -14,10 +14,10 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import blake2b
 from pathlib import Path
 from random import Random
 from typing import Any
-from zlib import crc32
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -104,7 +104,7 @@ def drawn(item: pytest.Item, seed: int) -> bool:
         one_in: int = mark.args[0]
     else:
         one_in = BROWSERS if item.get_closest_marker("browser") and not item.get_closest_marker("always") else 1
-    return crc32(f"{seed} {item.nodeid}".encode()) % one_in == 0
+    return int.from_bytes(blake2b(f"{seed} {item.nodeid}".encode(), digest_size=8).digest()) % one_in == 0
 
 
 def pytest_collection_finish() -> None:

@@ -155,6 +155,7 @@ def seen(database: Path) -> object:
         return version, found.execute("SELECT * FROM audit").fetchall()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("state", ["newer", "older", "torn"])
 def test_what_takes_no_line_is_moved_aside_as_it_is(tmp_path: Path, state: str) -> None:
     data, archive = tmp_path / "data", tmp_path / "b.tar"

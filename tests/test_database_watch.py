@@ -276,6 +276,7 @@ async def test_a_history_that_cannot_be_opened_now_is_not_put_aside(
     assert not [name for name in contents(data) if name.startswith("history.db.")]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("tails", [("",), ("", "-wal", "-shm"), ("-wal",), ("-shm",)])
 async def test_people_stay_signed_in_and_the_audit_whole_when_pogon_db_is_removed(
     data: Path, clock: ManualClock, tails: tuple[str, ...]

@@ -193,6 +193,7 @@ def ring(port: int) -> tuple[int, int]:
     return head.newest, head.acknowledged
 
 
+@pytest.mark.sweep(8)
 async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -> None:
     """One runtime: what its links hand over is in alarms and passages, in the log, and counted for the pages."""
     runtime = Runtime(

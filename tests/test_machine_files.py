@@ -76,6 +76,7 @@ def test_a_plant_takes_it_and_its_limits_come_from_its_ratings(client: TestClien
     assert set(item.type.orders) == {"start", "fill", "set_level", "stop"}
 
 
+@pytest.mark.sweep(8)
 def test_it_is_drawn_without_a_template_and_says_that_it_does_not_answer(client: TestClient) -> None:
     Staff(client).enter("ivana", "engineer")
     for path in ("/equipment/p1", "/equipment/p1/faceplate", "/equipment/p1/parameters", "/"):

@@ -83,6 +83,7 @@ def test_a_run_has_its_steps_and_run_time(story: tuple[Path, dict[str, Kept]]) -
     assert one["events"][-1]["event"] == "done" and one["fields"]["step"] == len(one["parts"])
 
 
+@pytest.mark.sweep(8)
 def test_a_coil_has_its_diameter_and_its_saddle(story: tuple[Path, dict[str, Kept]]) -> None:
     one = story[1]["coil"].records[-1]
     assert one["fields"]["diameter"] > 0 and one["fields"]["taken"] is not None

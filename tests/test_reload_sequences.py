@@ -6,6 +6,8 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from app.plant.changes import Change
 from app.registers import plc_map
 from app.registers.plc_map import Request
@@ -139,6 +141,7 @@ async def test_a_sequence_that_stands_is_not_said_to_run(tmp_path: Path) -> None
         assert done and keys(change) == ["sequence"]
 
 
+@pytest.mark.sweep(8)
 async def test_what_was_read_can_be_taken_although_a_sequence_ended_meanwhile(tmp_path: Path) -> None:
     async with running(tmp_path) as plant:
         plant.write(one=BLINK.replace('key = "dark"', 'key = "dark"\nmaximum = 9'))

@@ -105,6 +105,7 @@ def test_a_stage_without_what_it_needs_is_a_failure(tmp_path: Path) -> None:
     assert run(stage, ["test_x.py"], [], False, tmp_path).complaints == ["false failed, so no test ran"]
 
 
+@pytest.mark.sweep(8)
 def test_an_old_sheet_is_not_read(tmp_path: Path) -> None:
     assert outcome(tmp_path, PASSES).counts == (1, 0, 0)
     assert outcome(tmp_path, DIES).counts == (0, 1, 0)
@@ -146,6 +147,7 @@ def test_a_stage_is_asked_only_for_files_that_speak_of_it() -> None:
     assert within(behind, asked) == asked
 
 
+@pytest.mark.sweep(8)
 def test_what_several_lanes_tell_comes_one_after_the_other(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -203,6 +205,7 @@ def test_what_spins_says_how_much_of_a_core_it_got(capfd: pytest.CaptureFixture[
     assert 0 < float(capfd.readouterr().out) < 1.1
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("asked", "cores", "room", "groups", "jobs"),
     [
@@ -284,9 +287,9 @@ def test_who_asks_for_all_or_for_a_part_gets_no_draw(
 
 def test_of_what_sweeps_each_seed_draws_some_and_every_test_has_its_turn() -> None:
     for mark, one_in in ((pytest.mark.sweep(5).mark, 5), (pytest.mark.browser.mark, BROWSERS)):
-        marked = [cast(pytest.Item, Marked(f"tests/test_x.py::test_a[{number}]", [mark])) for number in range(200)]
+        marked = [cast(pytest.Item, Marked(f"tests/test_x.py::test_a[{number}]", [mark])) for number in range(1000)]
         runs = [[item.nodeid for item in marked if drawn(item, seed)] for seed in range(20 * one_in)]
-        assert all(0.4 < len(run) * one_in / 200 < 1.9 for run in runs)
+        assert all(0.4 < len(run) * one_in / 1000 < 1.9 for run in runs)
         assert {name for run in runs for name in run} == {item.nodeid for item in marked}
         assert [item.nodeid for item in marked if drawn(item, 3)] == runs[3]
 

@@ -8,6 +8,7 @@ import pytest
 from tests.reloading import DEMO, M3, running
 
 
+@pytest.mark.sweep(8)
 async def test_a_plant_that_was_broken_at_the_start_is_started_when_it_is_mended(tmp_path: Path) -> None:
     async with running(tmp_path, DEMO.replace("unit = 2\n", "unit = 1\n")) as plant:
         assert plant.runtime.plant is None and plant.runtime.problems

@@ -296,6 +296,7 @@ def test_a_clock_that_cannot_be_right_is_told(data: Path, days: int, outcome: st
     assert [one.outcome for one in findings(data, clock).values() if one.check == "clock"] == [outcome]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("free", "state"), [(10**7, "failed"), (2 * 10**8, "warning"), (10**9, "warning"), (10**10, "ok")]
 )

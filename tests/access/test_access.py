@@ -104,6 +104,7 @@ async def test_a_right_that_ends_here_is_known_at_once(access: Access, clock: Ma
         assert told.changed == [person.session]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("way", THERE)
 async def test_a_right_that_ends_elsewhere_is_known_after_one_look(
     open_access: OpenAccess, clock: ManualClock, way: str
@@ -125,6 +126,7 @@ async def test_a_right_that_ends_elsewhere_is_known_after_one_look(
         assert told.changed == [person.session]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("way", THERE)
 async def test_it_is_told_once_also_when_a_page_is_asked_for_before_that_look(
     open_access: OpenAccess, clock: ManualClock, way: str

@@ -126,6 +126,7 @@ async def test_every_cause_of_failure_has_the_same_text(access: Access, clock: M
     assert said == {("access.failed", 401, ())}
 
 
+@pytest.mark.sweep(8)
 async def test_an_unknown_name_costs_the_same_hash_as_a_wrong_password(
     open_access: OpenAccess, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:

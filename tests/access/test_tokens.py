@@ -24,6 +24,7 @@ async def test_a_token_lets_a_program_do_what_it_names_and_nothing_else(access: 
     assert not found.may("operate")
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("secret", ["", "pogon_", "pogon_" + "a" * 43, "bearer", "' OR 1=1--"])
 async def test_an_unknown_token_is_nobody(access: Access, secret: str) -> None:
     await access.tokens.create(await maker(access), "MES", ["view"], 30)

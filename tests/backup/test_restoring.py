@@ -29,6 +29,7 @@ def names(archive: Path) -> list[str]:
         return tar.getnames()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("ending", [".tar", ".tar.gz"])
 def test_a_restored_machine_is_as_it_was(data: Path, plant: Path, tmp_path: Path, ending: str) -> None:
     archive = tmp_path / f"b{ending}"
@@ -102,6 +103,7 @@ def test_a_folder_that_cannot_be_made_is_one_line_that_names_it(data: Path, plan
     assert not (tmp_path / "new" / "pogon.db").exists()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "text",
     [

@@ -17,6 +17,7 @@ def older(manifest: dict[str, Any]) -> None:
     manifest["format"] = 1
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("signature", "change", "opening", "said"),
     [
@@ -47,6 +48,7 @@ def test_an_archive_is_believed_only_with_its_signature(
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["server.lock"]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("change", [len, older])
 def test_an_unsigned_archive_is_restored_when_somebody_says_so(
     data: Path, plant: Path, tmp_path: Path, change: Callable[[dict[str, Any]], object]

@@ -1,5 +1,6 @@
 """Modes: automatic latched, manual only while held, stop wins."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -109,6 +110,7 @@ def test_automatic_does_not_start_while_a_direction_is_held() -> None:
     assert control.step(START).automatic
 
 
+@pytest.mark.sweep(8)
 @given(st.lists(st.builds(ModeInputs, *[st.booleans()] * 6), max_size=60))
 def test_nothing_moves_without_a_reason(cycles: list[ModeInputs]) -> None:
     control = ModeControl()

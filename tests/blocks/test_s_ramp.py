@@ -70,6 +70,7 @@ def test_path_does_not_depend_on_the_scan_period(dt: float) -> None:
         assert out.stop_distance == pytest.approx(exact.stop_distance, abs=1e-6)
 
 
+@pytest.mark.sweep(8)
 @given(
     st.lists(st.tuples(SPEEDS, st.integers(1, 60)), min_size=1, max_size=8),
     LIMITS,

@@ -272,6 +272,7 @@ async def test_setpoints_are_taken_as_a_set_and_read_back(line: Line) -> None:
     assert line.value("manual_speed") == pytest.approx(12)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seconds", [1.5, 4.0, 12.0])
 async def test_a_program_that_stands_still_ends_the_hold_and_nothing_moves_when_it_goes_on(
     line: Line, seconds: float

@@ -152,6 +152,7 @@ async def test_a_second_source_stops_it_and_holds_it(register: int) -> None:
         await it.done("enable")
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("trouble", "cause", "left"),
     [(0, "", 3), (1, "why.enc_not_adjusted", 1), (2, "why.enc_error", 0), (3, "why.enc_timeout", 1)],
@@ -178,6 +179,7 @@ def over(it: Axis) -> bool:
     return progress is not None and progress.over
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("transport", TRANSPORTS)
 async def test_a_jog_that_is_let_go_is_over_when_the_axis_stands_and_the_drive_stays_enabled(transport: str) -> None:
     """The Stop of the machine is confirmed by a drive that is switched off; a jog leaves it on."""

@@ -27,6 +27,7 @@ async def test_a_setpoint_overtaken_by_a_command_shows_what_the_device_made_of_i
     assert stand.tags.sample(f"m1.{KEY}").value == 2.5
 
 
+@pytest.mark.sweep(8)
 async def test_it_is_read_some_times_more_and_no_more_than_that() -> None:
     stand = Stand()
     stand.drives["m1"].deaf = True
@@ -43,6 +44,7 @@ async def test_it_is_read_some_times_more_and_no_more_than_that() -> None:
     assert read(stand) - before == len(WHEN)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("error", [None, NoAnswer("silence")])
 async def test_what_was_confirmed_or_refused_is_not_read_again(error: LinkError | None) -> None:
     stand = Stand()

@@ -54,6 +54,7 @@ def test_what_is_written_is_read_again_to_the_last_bit(form: str) -> None:
     assert read.kind == ("sinamics" if form == "json" else "")
 
 
+@pytest.mark.sweep(8)
 @given(st.sampled_from(sorted(PARAMETERS)), st.floats(allow_nan=False, allow_infinity=False, width=32))
 def test_any_value_that_a_drive_can_hold_survives(code: str, value: float) -> None:
     parameter = PARAMETERS[code]

@@ -12,6 +12,7 @@ from tests.commands.stand import EVA, SETTINGS, Stand
 LOST = [NoAnswer("silence"), BadAnswer("noise"), NotConnected("gone"), DeviceException(5)]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("at", range(3))
 @pytest.mark.parametrize("acted", [True, False], ids=["acted", "lost"])
 @pytest.mark.parametrize("error", LOST, ids=str)

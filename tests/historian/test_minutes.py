@@ -84,6 +84,7 @@ def test_samples_are_not_read_back_once_the_minutes_are_known() -> None:
         assert_rolled_up(connection, rows, BEGIN + HOUR + MINUTE)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("late", [1, 30, 119, 3599])
 def test_a_late_sample_is_counted_in_its_minute(late: int) -> None:
     """One of a quiet point, of the minute that was written already, is written at once; what is in no order is read back."""

@@ -90,6 +90,7 @@ def test_line_and_hold_through_what_is_stored_are_within_the_dead_band(
         assert abs(held - value) <= reach or until - since <= RAMP, "no line is drawn there"
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=200, deadline=None)
 @given(signals)
 def test_a_step_is_stored_exactly_when_it_changes(steps: list[tuple[int, float]]) -> None:

@@ -54,6 +54,7 @@ FORMER_RUNS = (
 """SHA-256 (its beginning) of what the versions before the records made of the same events, by seed."""
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("seed", "former"), list(enumerate(FORMER_PASSAGES)))
 def test_passages_are_those_of_the_version_before(history: Database, seed: int, former: str) -> None:
     tell(history, "c1", stories.products(seed, 120))
@@ -120,6 +121,7 @@ def test_the_number_of_a_machine_is_looked_up_once_for_a_delivery(history: Datab
         assert sum("FROM event_machine WHERE name" in one for one in asked) <= 1
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("equipment", ["c1", "seq1"])
 def test_redelivery_after_a_crash_changes_nothing(history: Database, equipment: str) -> None:
     """Killed between the commit and the acknowledgement, at every place, with portions cut anywhere: as if nothing had happened."""

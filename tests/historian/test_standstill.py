@@ -72,6 +72,7 @@ def by_time(house: House) -> None:
     house.tags.wake()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("notice", [by_sweep, by_batch, by_time])
 @pytest.mark.parametrize("kind", [Kind.ANALOG, Kind.ENUM])
 @pytest.mark.parametrize("lost", [2.1, 5.0, 30.0, 31.9, 3 * 3600.0])

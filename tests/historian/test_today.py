@@ -181,6 +181,7 @@ def test_a_counter_that_may_have_run_over_is_the_least_that_it_can_be(
         assert read_day(connection, [item], BEGIN, now).amounts["m1"]["made"] == Amount(4, whole=whole)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(12))
 def test_a_counter_is_counted_alike_from_minutes_and_from_samples(seed: int) -> None:
     """Also where it begins again twice in a minute, or a minute begins or ends badly: as adding every step up gives."""

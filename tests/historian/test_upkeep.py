@@ -25,6 +25,7 @@ async def test_roll_ups_are_made_while_it_runs(history: Database) -> None:
     assert made.upkeep.size.rows_today == len(rows_of(history))
 
 
+@pytest.mark.sweep(8)
 async def test_hours_that_are_over_are_packed_and_say_what_they_said(history: Database) -> None:
     source, made = await recording(history, point())
     for second in range(5 * 3600):
@@ -43,6 +44,7 @@ async def test_hours_that_are_over_are_packed_and_say_what_they_said(history: Da
     assert made.upkeep.growth is None or made.upkeep.growth < 0.7 * 24 / 5 * used
 
 
+@pytest.mark.sweep(8)
 async def test_history_above_its_quota_is_cut_oldest_first(history: Database) -> None:
     source, made = await recording(history, point())
     made.upkeep.quota = 400_000
@@ -97,6 +99,7 @@ async def minutes(source: Source, made: Recorder, count: int) -> None:
         await made.upkeep.look_after()
 
 
+@pytest.mark.sweep(8)
 async def test_a_clock_that_leaps_by_years_and_is_set_right_costs_no_history(
     history: Database, caplog: pytest.LogCaptureFixture
 ) -> None:

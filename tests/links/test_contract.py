@@ -165,6 +165,7 @@ async def test_a_server_that_goes_away_is_noticed_at_once_not_after_the_patience
     await transport.close()
 
 
+@pytest.mark.sweep(8)
 async def test_a_reader_that_is_ended_ends_also_when_the_answer_comes_at_that_moment(bench: Bench) -> None:
     async def read_for_ever() -> None:
         while True:

@@ -127,6 +127,7 @@ class OtherRows(SmallPlc):
         return flat[address - plc_map.EVENT_ROWS :][:count]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("row", "caused"), [(16, 0), (17, 300), (18, 300), (25, 300)])
 async def test_rows_of_an_older_and_of_a_newer_map_are_read(row: int, caused: int) -> None:
     device, taker = OtherRows(), Taker()

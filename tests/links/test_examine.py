@@ -127,6 +127,7 @@ async def test_a_register_for_which_a_device_is_silent_takes_no_other_with_it(la
         await until(lambda: line.value("m.v23") == 23)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("code", [0, 1, 4, 7, 8, 99, 255])
 async def test_a_register_that_is_refused_with_any_code_takes_no_other_with_it(code: int) -> None:
     """Such as 04 for a sensor that is not fitted: a whole block of values was bad for as long as that lasted."""

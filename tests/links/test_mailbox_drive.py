@@ -26,6 +26,7 @@ def drive() -> VirtualSinamics:
     return powered(start="forward", setpoint=50)  # type: ignore[arg-type]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 async def test_every_parameter_is_read_and_changes_are_saved(kind: str) -> None:
     device, item = drive(), machine()

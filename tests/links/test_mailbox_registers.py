@@ -15,6 +15,7 @@ from tests.links.plc_devices import KINDS, once
 from tests.links.test_mailbox import CHANGES, FIVE, GOT_FIVE, is_look, is_request, mailbox, missed
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("what", ["request", "answer", "late", "gateway"])
 @pytest.mark.parametrize("which", [is_request, is_look])

@@ -70,6 +70,7 @@ def watch(program: Program, until: float, *, period: float = 0.1, answer: float 
     return told
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("moving", [True, False])
 @pytest.mark.parametrize("first", [0, 65_500])
 @pytest.mark.parametrize("scan", [0.001, 0.01, 0.05, 0.2, 0.5, 0.6])

@@ -119,6 +119,7 @@ def nth(which: str, number: int, kind: str, seconds: float = 0.0) -> Callable[[b
     return fault
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 async def test_a_set_is_one_commit_and_two_lines(kind: str) -> None:
     async with bench(kind) as it:

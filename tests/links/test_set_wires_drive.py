@@ -160,6 +160,7 @@ async def test_a_cable_out_at_any_write(kind: str, seconds: float, how: str, whi
         assert Stands.UNKNOWN not in {change.stands for change in ended[1].changes}
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("at", range(3))
 async def test_a_refusal_and_a_wrong_value_put_all_back(kind: str, at: int) -> None:
@@ -175,6 +176,7 @@ async def test_a_refusal_and_a_wrong_value_put_all_back(kind: str, at: int) -> N
         is_true(device, done)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("failing", range(2))
 async def test_what_cannot_be_put_back_is_named(kind: str, failing: int) -> None:

@@ -46,6 +46,7 @@ def points_of(kind: str) -> str:
     return "m.v3" if kind == "v" else f"m.{kind}_3"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "mode", [LineFaultMode.SLOW, LineFaultMode.WRONG_LENGTH, LineFaultMode.GARBAGE, LineFaultMode.SILENT]
 )

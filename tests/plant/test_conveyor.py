@@ -276,6 +276,7 @@ def test_texts_of_alarms_name_the_object_fit_a_row_and_help(line: EquipmentType)
                 assert len(texts[key]) > 15, key
 
 
+@pytest.mark.sweep(8)
 def test_every_text_key_of_the_data_exists_in_every_language(line: EquipmentType) -> None:
     product = {f"table.{name}" for name in ("generation", "capacity", "count")}
     most, problems = types.read_type(
@@ -498,6 +499,7 @@ def test_a_line_of_other_measures_is_fine_when_they_go_together(tmp_path: Path) 
     assert points(tmp_path, more + "sensor_4 = 8000")["smallest_gap"].scale_high == 9000
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [

@@ -318,6 +318,7 @@ def test_live_values_are_read_with_every_fast_scan(drive: EquipmentType) -> None
     assert {drive.points[key].scan.value for key in LIVE} == {"fast"}
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "key",
     ["frequency", "voltage", "current", "bus_voltage", "torque", "heatsink_temperature", "speed_magnitude", "power"],

@@ -190,6 +190,7 @@ def test_an_empty_plant_lacks_links_and_equipment(tmp_path: Path) -> None:
     assert keys == {"links", "equipment"}
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", ["plant", "links", "equipment", "areas", "alarms", "links.press_shop", "equipment.m2"])
 @pytest.mark.parametrize("value", ["1", '"x"', "[]", "[1]", "true"])
 def test_anything_in_place_of_a_table_is_told_and_never_raises(tmp_path: Path, name: str, value: str) -> None:

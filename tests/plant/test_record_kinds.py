@@ -154,6 +154,7 @@ label = "Two"
 """
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("renamed", [False, True])
 def test_two_types_of_a_plant_cannot_name_a_kind_of_records_alike(tmp_path: Path, renamed: bool) -> None:
     """One list, one address, one table of texts and columns would be of both."""

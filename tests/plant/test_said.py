@@ -82,6 +82,7 @@ def literals(path: Path) -> Iterator[str]:
         yield from (f"{path.name}:{one.lineno}: {ast.unparse(one)}" for one in told if plain(one))
 
 
+@pytest.mark.sweep(8)
 def test_nothing_of_it_is_english_alone() -> None:
     found = [one for path in READERS for one in literals(path)]
     assert found == []

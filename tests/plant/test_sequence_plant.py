@@ -20,6 +20,7 @@ def test_a_right_one_has_none(tmp_path: Path) -> None:
     assert problems(tmp_path / "hall") == []
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [

@@ -90,6 +90,7 @@ def test_what_is_written_otherwise_is_left_to_people() -> None:
             edited(inline, [change])
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", FILES)
 def test_every_step_of_a_shipped_sequence_can_be_moved_and_removed(name: str) -> None:
     text = bundled(name).read_text("utf-8")

@@ -162,6 +162,7 @@ def test_images_are_whole_spare_words_are_0_and_numbers_are_numbers(kind: str) -
                     assert math.isnan(value) or value == 0 or 1e-12 < abs(value) < 1e9, (cell.name, value)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_minute_says_enough_to_judge(kind: str) -> None:
     """A row that is 0 in every look would also be right one word further: most are not."""
@@ -251,6 +252,7 @@ def test_rows_of_tables_and_of_the_ring_are_what_the_page_says(kind: str) -> Non
     assert used == {table.name for table in page.tables} - {"force", "fall"}
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 def test_settings_have_their_defaults_and_their_limits(kind: str) -> None:
     """Each setting at both of its limits is taken, and beyond them refused as the one that it is."""
@@ -293,6 +295,7 @@ def test_defaults_of_the_page_are_those_of_a_device_that_nobody_set(kind: str) -
         assert value == pytest.approx(cell.default, rel=1e-6), cell.name
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_device_knows_the_commands_of_its_page_and_no_others(kind: str) -> None:
     machine = Machine(SimPlant(demo(), ManualClock()), kind)

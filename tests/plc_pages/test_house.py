@@ -104,6 +104,7 @@ def value(client: VirtualClient, name: str) -> Any:
     return runtime_of(client).tags.sample(name).value
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("machine", ["c1", "cc1", "seq1", "cr1"])
 def test_every_place_of_the_page_is_the_point_of_that_name(machine: str, client: VirtualClient) -> None:
     found = FOUND[machine]

@@ -12,6 +12,7 @@ from tests.plc_text.plc import FOLDER, program
 from tools import plc_text
 
 
+@pytest.mark.sweep(8)
 def test_no_file_is_stale_and_none_is_left_over() -> None:
     """Red? `make registers`."""
     wanted = plc_text.files()

@@ -266,6 +266,7 @@ async def test_a_crane_carries_a_ladle_and_stands_while_the_sequence_does(tmp_pa
         assert [key for key, _ in commands(plant, "cr1")].count("start_cycle") == 1
 
 
+@pytest.mark.sweep(8)
 async def test_a_stopped_sequence_stops_the_crane_and_leaves_its_cycle_to_a_person(tmp_path: Path) -> None:
     work = file(step("ready", "cr1.select_automatic"), step("carry", "cr1.carry(from = 1, to = 2, planned = 250)"))
     async with hall(tmp_path, work, LINKS + CRANE + SEQUENCE) as plant:

@@ -72,6 +72,7 @@ async def test_a_sequence_that_is_renamed_goes_on_with_its_machines(tmp_path: Pa
         await plant.until(lambda: not holder(plant))
 
 
+@pytest.mark.sweep(8)
 async def test_a_sequence_that_is_renamed_still_stops_what_it_ran(tmp_path: Path) -> None:
     async with running(tmp_path) as (plant, rest):
         await take(plant, tmp_path, rest + OWN + SEQUENCE.format(id="seq7", was='was = "seq1"\n'))

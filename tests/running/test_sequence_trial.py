@@ -77,6 +77,7 @@ def test_a_machine_begins_as_a_test_says_and_the_tests_of_the_file_are_run(tmp_p
     assert [(one.name[:17], one.ok) for one in trial.tests] == [("a guard is opened", True)]
 
 
+@pytest.mark.sweep(8)
 def test_in_a_branch_what_follows_as_the_chart_says_is_missing() -> None:
     text = FEED.replace('"m1.frequency > 29"', '"m1.frequency > 45"').replace("maximum = 60", "maximum = 5", 1)
     keys = [step.key for step in plant_with(text).equipment["seq1"].sequence.steps]  # type: ignore[union-attr]

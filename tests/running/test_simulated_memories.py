@@ -24,6 +24,7 @@ def drive(browser: Any) -> VirtualSinamics:
     return found
 
 
+@pytest.mark.sweep(8)
 def test_the_rom_outlives_the_server_and_the_ram_does_not(tmp_path: Path) -> None:
     plant, data = plant_with_an_axis(tmp_path), tmp_path / "data"
     with house(Settings(plant=plant, data=data)) as browser:

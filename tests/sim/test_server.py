@@ -347,6 +347,7 @@ async def test_a_taken_port_is_told() -> None:
         await serve_tcp(Bus({}), "127.0.0.1", 70000)
 
 
+@pytest.mark.sweep(8)
 @given(st.lists(st.binary(min_size=1, max_size=40), max_size=6))
 @settings(max_examples=30, deadline=None)
 def test_no_bytes_on_a_socket_stop_the_server(noise: list[bytes]) -> None:

@@ -91,6 +91,7 @@ def test_the_file_has_the_same_figures_and_the_audit_has_the_file(hall: Hall) ->
     hall.staff.have()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("role", "may"), [("", False), ("viewer", True), ("operator", True), ("engineer", True)])
 def test_who_may_see_and_who_may_take_the_file(hall: Hall, role: str, may: bool) -> None:
     if role:

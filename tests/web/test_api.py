@@ -95,6 +95,7 @@ def test_what_is_not_there_or_not_sound_is_said_in_json(staff: Staff, path: str,
 RANGE = "from=2026-03-09T06:00:00Z&to=2026-03-09T07:00:00Z"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("path", "status", "field", "value", "expected"),
     [

@@ -30,6 +30,7 @@ def staff(demo: TestClient) -> Staff:
     return staff
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_no_kind_and_no_result_is_printed_as_its_key(staff: Staff, lang: str) -> None:
     staff.client.cookies.set("pogon_lang", lang)

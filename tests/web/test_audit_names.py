@@ -41,6 +41,7 @@ def test_the_file_keeps_the_ids(staff: Staff) -> None:
     assert all(f",{id}," in lines for id in ("m1.forward", "sys.history_quota", "gone.start"))
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
 def test_the_server_and_its_terminal_are_words_and_are_found_by_what_is_stored(staff: Staff, lang: str) -> None:
     staff.wait(staff.access.audit.record, "server.started", SYSTEM)

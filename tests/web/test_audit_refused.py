@@ -26,6 +26,7 @@ def staff(demo: TestClient) -> Staff:
     return Staff(demo)
 
 
+@pytest.mark.sweep(8)
 def test_of_what_is_refused_at_the_door_the_line_says_what_and_why(staff: Staff) -> None:
     """A Stop, a setpoint and the control of one machine were one and the same line."""
     csrf = staff.enter("vera", "viewer")

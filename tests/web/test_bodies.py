@@ -61,6 +61,7 @@ def endless(portion: bytes = b"a=b&" * 1024) -> Iterator[bytes]:
 # ---- what a body may be -----------------------------------------------------------------------------------
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "kind",
     [

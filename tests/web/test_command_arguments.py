@@ -121,6 +121,7 @@ def test_the_device_s_own_reason_is_told_in_the_person_s_words(staff: Staff, eva
     assert reason in page
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("given", "said"),
     [

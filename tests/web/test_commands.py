@@ -216,6 +216,7 @@ def test_stop_needs_no_token_no_nonce_and_no_script(staff: Staff, ana: Operator)
     assert until(lambda: value(staff, "m1.speed") == 0)
 
 
+@pytest.mark.sweep(8)
 def test_forward_is_accepted_then_confirmed_and_everybody_reads_by_whom(
     staff: Staff, ana: Operator, ivo: Operator
 ) -> None:
@@ -337,6 +338,7 @@ def test_a_value_that_means_two_things_is_asked(staff: Staff, ivo: Operator) -> 
         ivo.language = "en"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("typed", "words_of_it"),
     [

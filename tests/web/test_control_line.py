@@ -68,6 +68,7 @@ def test_thirty_who_ask_at_once_have_it_one_after_the_other(staff: Staff, people
     assert holder(staff) == ""
 
 
+@pytest.mark.sweep(8)
 def test_everybody_reads_who_waits_and_the_own_place(staff: Staff, people: list[Operator]) -> None:
     ana, ivo, eva, tom, uma = people[:5]
     ana.post(f"{TOKEN}/take")

@@ -197,6 +197,7 @@ def test_the_last_start_of_each_belt_is_drawn_and_a_line_that_never_ran_says_so(
     assert "No start since" in never and "No stop since" in never and "c-trace" not in never
 
 
+@pytest.mark.sweep(8)
 def test_a_line_without_two_products_has_no_gap_and_nothing_is_bad_about_it(fresh_line: TestClient) -> None:
     line, crew = fresh_line, Staff(fresh_line)
     crew.have(crew.enter("gita", "engineer"))
@@ -353,6 +354,7 @@ def test_a_command_without_arguments_has_no_dialog_for_them(ivo: Operator) -> No
     assert ivo.get("/equipment/c1/ask/nothing").status_code == 404
 
 
+@pytest.mark.sweep(8)
 def test_by_hand_one_belt_moves_alone(ivo: Operator, line: TestClient) -> None:
     assert ivo.press("/equipment/c2/command/select_manual", confirmed="1").status_code == 202
     assert until(lambda: value(line, "c2.mode") == 2)

@@ -107,6 +107,7 @@ def test_every_bit_of_a_drive_stands_in_its_dialog(ivana: Operator, drive: str) 
     assert f"reset_hours?motor={DRIVES.index(drive) + 1}" in drawn
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize(
     "path", ["page/hoist", "page/trolley", "page/bridge", "page/sequence", "part/drive?drive=hoist_1"]

@@ -87,6 +87,7 @@ def lines(text: str, kind: str = "element") -> dict[str, str]:
     return {key: words(row) for key, row in found}
 
 
+@pytest.mark.sweep(8)
 def test_reviewed_written_read_back_and_saved(client: TestClient, people: Staff) -> None:
     text = reviewed(people, {"1:p1120": "7.5", "1:p0757[2]": "-1.25", "1:p1300": "21", "1:p0840": "r0722.3"})
     rows = lines(text)
@@ -157,6 +158,7 @@ def test_what_the_drive_refuses_is_told_by_its_error_and_all_is_put_back(client:
     assert "Unsaved changes" not in words(text) and 'value="9"' in text  # the list is still there to be corrected
 
 
+@pytest.mark.sweep(8)
 def test_reason_password_and_control_are_asked_for(client: TestClient, people: Staff) -> None:
     reviewed(people, {"1:p1120": "9"})
     assert "Enter a reason" in words(ordered(people, "write", reason=""))
@@ -168,6 +170,7 @@ def test_reason_password_and_control_are_asked_for(client: TestClient, people: S
     assert "Take control first" in words(ordered(people, "write"))
 
 
+@pytest.mark.sweep(8)
 def test_a_list_is_its_persons_own_and_the_value_must_still_be_as_it_was_seen(
     client: TestClient, people: Staff
 ) -> None:
@@ -225,6 +228,7 @@ class _OneMore(list):  # type: ignore[type-arg]
         super().__setitem__(at, [one + 1 for one in values])  # type: ignore
 
 
+@pytest.mark.sweep(8)
 def test_values_that_nobody_chose_are_an_alarm_that_names_them(client: TestClient, people: Staff) -> None:
     ram = drive(client).model._ram
     ram["p1058"] = _OneMore(ram["p1058"])

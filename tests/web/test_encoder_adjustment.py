@@ -209,6 +209,7 @@ def test_only_engineers_and_only_machines_with_an_encoder(client: TestClient, pe
     assert client.get("/equipment/nothing/encoder").status_code == 404
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("lang", "title"),
     [("hr", "Podesi apsolutni enkoder"), ("de", "Absolutwertgeber justieren"), ("cs", "Nastavit absolutní snímač")],

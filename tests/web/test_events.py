@@ -361,6 +361,7 @@ def test_what_cannot_be_read_is_refused(staff: Staff, query: dict[str, str]) -> 
         assert staff.client.get(path, params=query).status_code == 422
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", ["hr", "en", "de", "cs", "machine"])
 def test_csv_in_every_language(staff: Staff, lang: str) -> None:
     staff.enter("eva", "engineer")

@@ -72,6 +72,7 @@ def places(staff: Staff) -> dict[Sheet, int]:
     return history.exports_of(staff.client.app)  # type: ignore[arg-type]
 
 
+@pytest.mark.sweep(8)
 def test_every_export_is_swept_here(staff: Staff) -> None:
     csv = {
         route.split()[1].replace("{kind}", "run").replace("{key}", "m1")

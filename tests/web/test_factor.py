@@ -62,6 +62,7 @@ def half(staff: Staff, name: str, next: str = "/") -> object:
     return answer
 
 
+@pytest.mark.sweep(8)
 def test_a_person_enrols_and_signs_in_with_a_code(staff: Staff) -> None:
     key, codes = enrol(staff, "ana", "operator")
     assert len(key) == 32 and len(set(codes)) == 10
@@ -143,6 +144,7 @@ def test_a_form_with_missing_doubled_or_foreign_fields_is_refused(staff: Staff, 
     assert staff.post("/signin/code", data).status_code == 422
 
 
+@pytest.mark.sweep(8)
 def test_a_role_that_asks_for_it_leads_to_enrolment_and_nowhere_else(staff: Staff) -> None:
     staff.enter("inge", "engineer")
     for page in ("/", "/equipment/m1", "/account", "/tokens", "/audit"):
@@ -214,6 +216,7 @@ def test_administrators_see_and_reset_it(staff: Staff) -> None:
     assert staff.client.get("/audit?kind=factor.reset").status_code == 200
 
 
+@pytest.mark.sweep(8)
 def test_wrong_codes_wait_and_say_so(staff: Staff) -> None:
     enrol(staff, "waits", "operator")
     statuses = []

@@ -126,6 +126,7 @@ def gone_in_menu(page: str) -> list[tuple[str, str]]:
     )
 
 
+@pytest.mark.sweep(8)
 def test_a_machine_that_was_taken_out_of_the_plant_is_told_in_the_menu_until_it_is_removed_there(
     staff: Staff, demo: TestClient
 ) -> None:

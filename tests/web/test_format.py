@@ -72,6 +72,7 @@ def test_what_is_no_number_is_written_as_a_bad_value(value: float) -> None:
     assert fmt.number(value, 2, "de") == "----"
 
 
+@pytest.mark.sweep(8)
 @given(st.floats(allow_nan=False, allow_infinity=False, min_value=-1e15, max_value=1e15), st.integers(0, 4))
 def test_a_written_number_is_at_most_half_a_last_digit_away(value: float, decimals: int) -> None:
     written = fmt.number(value, decimals, "en").replace("\u202f", "").replace("\u2212", "-")

@@ -151,6 +151,7 @@ def test_a_number_of_which_nothing_is_known_is_found_read_and_told_as_that(clien
     assert rows_of(drawn(client, q="F1000")) == {} == rows_of(drawn(client, q="FB00"))
 
 
+@pytest.mark.sweep(8)
 def test_groups_and_search(client: TestClient) -> None:
     text = drawn(client)
     groups = re.findall(r'group=(f\w)&[^"]*"[^>]*><span>([^<]*)</span>\s*<span class="cap push num">(\d+)<', text)
@@ -194,6 +195,7 @@ def test_what_is_not_at_its_default_is_shown_alone(client: TestClient, people: S
     assert "Differs from the default" in changed["F901"]
 
 
+@pytest.mark.sweep(8)
 def test_a_set_is_reviewed_written_and_read_back(client: TestClient, people: Staff) -> None:
     rows = lines(review(people, F114="7.5", F131="2054", F124="700"))
     assert "5 7.5 s" in rows["F114"] and "0.1 … 3 000 s" in rows["F114"], rows

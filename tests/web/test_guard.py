@@ -377,6 +377,7 @@ def signed(staff: Staff) -> dict[str, str]:
     return {"csrf": staff.access.form_token(staff.client.cookies["sid"]), "session": "0" * 16}
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("headers", "status"),
     [

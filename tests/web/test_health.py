@@ -28,6 +28,7 @@ def test_healthy_while_all_tasks_run_and_ill_when_one_is_down(client: TestClient
     assert answer.json()["tasks_down"] == ["live"]
 
 
+@pytest.mark.sweep(8)
 def test_a_late_loop_is_not_healthy(client: TestClient) -> None:
     client.app.state.runtime.sweep.__class__.loop_lag = property(lambda self: 1.5, lambda self, value: None)  # type: ignore[attr-defined]
     try:

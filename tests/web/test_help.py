@@ -43,6 +43,7 @@ def test_every_tab_and_every_engineering_page_has_its_own() -> None:
     assert [url for url in urls if subject(url)[0] == "other"] == []
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_nothing_is_missing_in_any_language(language: str) -> None:
     plant, _ = read_plant(DEMO)
@@ -72,6 +73,7 @@ def test_an_address_that_is_none_gives_the_general_help(client: TestClient) -> N
     assert "About this machine" not in page
 
 
+@pytest.mark.sweep(8)
 def test_the_first_page_offers_what_one_may_do_and_every_way_is_there(demo: TestClient) -> None:
     staff = Staff(demo)
     for role, offered in {

@@ -78,6 +78,7 @@ def test_a_fault_is_caused_read_back_and_cleared(staff: Staff) -> None:
     )
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("mode", [mode for mode in training.LINE_FAULT_MODES if mode])
 def test_every_line_fault_reaches_the_line_and_is_mended(staff: Staff, mode: int) -> None:
     given = {"mode": str(mode), "delay": "700", "argument": "6" if mode == 7 else "0", "count": "0"}

@@ -35,6 +35,7 @@ def drawn(people: Staff, path: str = PATH) -> str:
     return unescape(answer.text).replace("\u202f", " ").replace("\u00a0", " ").replace("\u2212", "-")
 
 
+@pytest.mark.sweep(8)
 def test_they_are_read_with_their_range_and_typed_ones_go_into_the_reviewed_list(people: Staff) -> None:
     people.have(people.ivana)  # type: ignore[attr-defined]
     text = drawn(people)

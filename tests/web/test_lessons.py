@@ -198,6 +198,7 @@ def test_a_fault_that_is_there_no_more_is_told_and_caused_again(staff: Staff, an
     assert fault_of(client) == 0
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("other", [0, 13])
 def test_the_fault_of_a_learner_goes_with_the_account_and_that_of_somebody_else_stays(staff: Staff, other: int) -> None:
     client = staff.client

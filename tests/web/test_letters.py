@@ -64,6 +64,7 @@ def test_digits_are_of_equal_width(weight: int) -> None:
     assert len({face["hmtx"][names[ord(digit)]][0] for digit in "0123456789"}) == 1
 
 
+@pytest.mark.sweep(8)
 def test_pages_fetch_the_letters_at_once_under_a_lasting_name(client: TestClient) -> None:
     page = client.get("/").text
     early = set(

@@ -84,6 +84,7 @@ def test_a_stuck_stop_is_told_and_the_line_runs_on(tmp_path: Path) -> None:
         assert until(lambda: here.value("merged_1") == 1 and "merge_1" not in here.alarms(), 60)
 
 
+@pytest.mark.sweep(8)
 def test_in_emergency_stop_a_merge_may_be_closed_only(tmp_path: Path) -> None:
     plc = device(arrivals=False)
     with hall(tmp_path, JOINED, plc) as here:

@@ -77,6 +77,7 @@ def test_a_change_of_language_never_leads_elsewhere(client: TestClient) -> None:
     assert send(client, "/language", {"to": "en", "next": "//evil.test/x"}).headers["location"] == "/"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("path", "data", "status"),
     [

@@ -113,6 +113,7 @@ def test_everything_that_can_be_found_is_there(staff: Staff) -> None:
         assert not [one for one in _places(texts, plant, language) if one.label.startswith("[")]
 
 
+@pytest.mark.sweep(8)
 def test_a_hit_is_a_way_and_no_deed(staff: Staff) -> None:
     operator = Operator(staff, "ana", ("operator",))
     dialog = operator.get("/palette/found").text

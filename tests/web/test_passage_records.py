@@ -242,6 +242,7 @@ def test_a_history_that_cannot_be_read_says_so(staff: Staff, monkeypatch: pytest
     get(staff, "/api/v1/records/passage", 503)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
 @pytest.mark.parametrize("path", ["/records/passage", "/records/run"])
 def test_an_end_before_the_beginning_is_named_and_what_was_typed_stays(staff: Staff, path: str, lang: str) -> None:

@@ -76,6 +76,7 @@ def test_the_overview_draws_what_its_tiles_are_told_and_nothing_else(client: Tes
         assert of == {f"{machine}.{key}" for key in kind.tile - kind.setpoints.keys()} & told
 
 
+@pytest.mark.sweep(8)
 def test_what_is_measured_is_sorted_from_what_is_said(client: TestClient) -> None:
     screen = drawn(client, "m1")
     assert screen.state and screen.state.key == "status"

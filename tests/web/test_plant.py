@@ -61,6 +61,7 @@ def test_changes_are_read_confirmed_and_taken(staff: Staff, folder: Path) -> Non
     assert "Plant files read anew, changes: 1" in staff.client.get("/audit").text
 
 
+@pytest.mark.sweep(8)
 def test_other_changes_than_those_read_are_shown_first(staff: Staff, folder: Path) -> None:
     (folder / "plant.toml").write_text(LONGER, "utf-8")
     seen = digest(staff.client.get("/plant").text)
@@ -69,6 +70,7 @@ def test_other_changes_than_those_read_are_shown_first(staff: Staff, folder: Pat
     assert answer.status_code == 409 and "have changed since" in answer.text and "unit: 2 → 7" in answer.text
 
 
+@pytest.mark.sweep(8)
 def test_mistakes_are_listed_and_change_nothing(staff: Staff, folder: Path) -> None:
     (folder / "plant.toml").write_text(DEMO.replace("unit = 2", "unit = 1"), "utf-8")
     page = staff.client.get("/plant").text
@@ -119,6 +121,7 @@ def test_mistakes_are_told_in_the_language_of_who_reads(
     assert "expected" not in page and 'lang="en"' not in page[page.index("problems") :]
 
 
+@pytest.mark.sweep(8)
 def test_only_an_engineer_reads_and_takes_plant_files(staff: Staff, folder: Path) -> None:
     (folder / "plant.toml").write_text(LONGER, "utf-8")
     seen = digest(staff.client.get("/plant").text)
@@ -148,6 +151,7 @@ def test_it_lists_the_machines_that_run_and_where_they_are_connected(staff: Staf
     assert 'href="/equipment/m1"' in page, "what runs does so while the files have mistakes"
 
 
+@pytest.mark.sweep(8)
 def test_warnings_are_told_and_hold_nothing_up(staff: Staff, folder: Path) -> None:
     row = '[[alarms]]\nequipment = "m1"\nkey = "fast"\nlabel = "Fast"\nexpression = "frequency > 45"\npriority = 3\n'
     assert "Warnings" not in staff.client.get("/plant").text

@@ -54,6 +54,7 @@ def test_a_value_is_drawn_as_every_value_and_a_part_leads_to_its_machine(client:
     assert "<script>" not in text.partition('class="panel drawn"')[2].partition("</section>")[0]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("lang", LABELS)
 def test_the_name_of_a_machine_is_in_the_language_of_the_page(client: TestClient, lang: str) -> None:
     plant, _ = read_plant(HALL)

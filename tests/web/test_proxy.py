@@ -106,6 +106,7 @@ def test_behind_a_proxy_nobody_asks_past_it(proxied: TestClient, peer: str) -> N
     assert knock(proxied, "GET", "/healthz", peer=peer).status == (200 if peer in ("127.0.0.1", "::1") else 403)
 
 
+@pytest.mark.sweep(8)
 def test_without_a_proxy_nobody_is_believed(start: Start) -> None:
     client = start()
     answer = knock(client, "GET", "/", [("X-Forwarded-For", "<script>"), ("X-Forwarded-Proto", "https")])

@@ -125,6 +125,7 @@ def test_pages_follow_one_another_without_a_gap(staff: Staff, kind: str) -> None
     assert seen == [one.id for one in found(staff, kind)]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("kind", "query", "wanted"),
     [
@@ -226,6 +227,7 @@ def test_one_that_is_not_there_is_not_found(staff: Staff, kind: str) -> None:
         get(staff, f"/records/{kind}/detail/{number}", 404)
 
 
+@pytest.mark.sweep(8)
 def test_times_of_parts_are_those_of_the_filtered_runs(staff: Staff) -> None:
     staff.enter("ana", "viewer")
     staff.client.cookies.set("pogon_lang", "en")

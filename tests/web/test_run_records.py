@@ -125,6 +125,7 @@ def test_filters(staff: Staff, query: dict[str, Any], wanted: dict[str, Any]) ->
         assert ids(get(staff, path, **MARCH, **query).text) == expected
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     "query",
     [

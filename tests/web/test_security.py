@@ -91,6 +91,7 @@ def test_an_allowed_host_is_served(start: Start) -> None:
     assert client.get("/", headers={"Host": "HMI.plant.test"}).status_code == 200
 
 
+@pytest.mark.sweep(8)
 def test_a_body_that_says_it_is_too_long_is_not_read(broken: TestClient) -> None:
     assert broken.post("/echo", content=b"x" * (LARGEST_BODY + 1)).status_code == 413
     assert send(broken, "/echo", {"text": "x" * (LARGEST_BODY - 200)}).status_code == 200
@@ -111,6 +112,7 @@ def test_a_body_that_does_not_say_how_long_it_is_is_counted(broken: TestClient) 
     assert answer.headers["content-security-policy"] == POLICY
 
 
+@pytest.mark.sweep(8)
 def test_an_error_of_ours_tells_the_log_and_gives_the_person_a_number(
     broken: TestClient, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -83,6 +83,7 @@ def test_the_run_keeps_what_it_was_given_and_by_whom(plant: TestClient) -> None:
     assert "Started by All steps" in page and "Frequency 22.1" in page and "Time of a run 3" in page, page
 
 
+@pytest.mark.sweep(8)
 def test_the_editor_has_a_field_for_each_value_of_the_other_one(plant: TestClient) -> None:
     staff = Staff(plant)
     staff.enter("iva", "engineer")

@@ -89,6 +89,7 @@ def test_the_refusal_is_in_the_language_of_the_person(engineer: Operator, lang: 
     assert line_of(engineer.get("/equipment/seq2/ask/force?step=1&bit=2")) == said
 
 
+@pytest.mark.sweep(8)
 def test_a_permissive_is_released_only_when_it_is_forced(plant: TestClient, engineer: Operator) -> None:
     engineer.language = "en"
     tags = runtime_of(plant).tags

@@ -56,6 +56,7 @@ def text_of(page: str) -> str:
     return found[1]
 
 
+@pytest.mark.sweep(8)
 def test_the_page_shows_a_step_as_fields_and_as_the_text_of_the_file(staff: Staff) -> None:
     page = Window(staff, "2").page
     assert "No mistakes." in page and "As in the file" in page
@@ -86,6 +87,7 @@ def test_only_an_engineer_edits(staff: Staff) -> None:
     assert staff.client.get("/equipment/m1/definition").status_code == 404
 
 
+@pytest.mark.sweep(8)
 def test_a_field_changes_the_text_and_only_that_line(staff: Staff) -> None:
     window = Window(staff, "2")
     answer = window.send("fields", minimum="21,5", maximum="90")
@@ -97,6 +99,7 @@ def test_a_field_changes_the_text_and_only_that_line(staff: Staff) -> None:
     assert text == FILE.replace("minimum = 20\n", "minimum = 21.5\n")
 
 
+@pytest.mark.sweep(8)
 def test_a_mistake_is_told_at_its_field_with_line_key_and_what_was_expected(staff: Staff) -> None:
     window = Window(staff, "2")
     answer = window.send("fields", minimum="much", maximum="90").text
@@ -109,6 +112,7 @@ def test_a_mistake_is_told_at_its_field_with_line_key_and_what_was_expected(staf
     assert "No mistakes." in window.send("fields", permissives__0__when="m1.frequency > 29").text
 
 
+@pytest.mark.sweep(8)
 def test_text_that_is_no_toml_is_kept_and_told(staff: Staff) -> None:
     window = Window(staff, "2")
     answer = window.send("text", text='[[steps]]\nkey = "feed"\nlabel = ')
@@ -118,6 +122,7 @@ def test_text_that_is_no_toml_is_kept_and_told(staff: Staff) -> None:
     assert "No mistakes." in mended.text and 'name="maximum" value="5"' in mended.text
 
 
+@pytest.mark.sweep(8)
 def test_keys_that_no_field_has_stay_in_the_text_and_are_named(staff: Staff) -> None:
     window = Window(staff, "2")
     text = (
@@ -153,6 +158,7 @@ def test_orders_and_permissives_are_added_and_removed(staff: Staff) -> None:
     assert "permissives" not in text_of(Window(staff, "2").page)
 
 
+@pytest.mark.sweep(8)
 def test_a_point_is_looked_for_and_becomes_a_permissive(staff: Staff) -> None:
     found = staff.client.get(f"{URL}/points?q=fan frequency&section=2&tab=x&seen=0").text
     assert 'value="m1.frequency"' in found and "Now:" in found
@@ -164,6 +170,7 @@ def test_a_point_is_looked_for_and_becomes_a_permissive(staff: Staff) -> None:
     assert all(f"{language} = " in text_of(page) for language in ("hr", "en", "de", "cs"))
 
 
+@pytest.mark.sweep(8)
 def test_what_was_typed_is_there_after_the_session_ended_and_is_nobody_elses(staff: Staff) -> None:
     Window(staff, "2").send("fields", minimum="33")
     staff.enter("marko", "engineer")
@@ -174,6 +181,7 @@ def test_what_was_typed_is_there_after_the_session_ended_and_is_nobody_elses(sta
     assert "minimum = 33" in Window(staff, "2").page
 
 
+@pytest.mark.sweep(8)
 def test_another_window_is_told_and_overwrites_nothing(staff: Staff) -> None:
     first, second = Window(staff, "2"), Window(staff, "2")
     assert first.send("fields", minimum="31").status_code == 200
@@ -183,6 +191,7 @@ def test_another_window_is_told_and_overwrites_nothing(staff: Staff) -> None:
     assert "minimum = 34" in Window(staff, "2").page
 
 
+@pytest.mark.sweep(8)
 def test_an_answer_to_what_changed_nothing_leaves_the_other_view_alone(staff: Staff) -> None:
     window = Window(staff, "2")
     assert 'id="ed-text"' in window.send("fields", minimum="31").text
@@ -191,6 +200,7 @@ def test_an_answer_to_what_changed_nothing_leaves_the_other_view_alone(staff: St
     assert 'id="ed-fields"' not in Window(staff, "2").send("text", text=text).text
 
 
+@pytest.mark.sweep(8)
 def test_fields_that_are_none_are_refused(staff: Staff) -> None:
     window = Window(staff, "2")
     assert window.send("fields", **{"../x": "1"}).status_code == 422
@@ -212,6 +222,7 @@ def test_what_was_made_from_an_older_draft_takes_nothing_away(staff: Staff) -> N
     assert "minimum = 25" in text_of(Window(staff, "2").page)
 
 
+@pytest.mark.sweep(8)
 def test_a_window_from_before_the_draft_was_given_up_does_not_bring_it_back(staff: Staff) -> None:
     Window(staff, "2").send("fields", minimum="25")
     old = Window(staff, "2")

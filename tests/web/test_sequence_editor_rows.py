@@ -134,6 +134,7 @@ def test_what_no_field_has_stays(staff: Staff) -> None:
     assert "times = 4  # as in the thesis\nmood = 1" in file(staff)
 
 
+@pytest.mark.sweep(8)
 def test_one_value_of_an_order_is_changed_in_the_line_of_its_values(staff: Staff) -> None:
     assert "No mistakes." in send(staff, "fields", "1", orders__0__values__frequency="12,5")
     assert "values = { frequency = 12.5 }\n" in file(staff)
@@ -141,6 +142,7 @@ def test_one_value_of_an_order_is_changed_in_the_line_of_its_values(staff: Staff
     assert 'values = { frequency = "recipe.frequency" }\n' in file(staff)
 
 
+@pytest.mark.sweep(8)
 def test_what_only_the_text_can_change_is_named(staff: Staff) -> None:
     found = re.search(r"<textarea[^>]*>\n(.*?)</textarea>", page(staff, "1"), re.S)
     assert found

@@ -54,6 +54,7 @@ def written(folder: Path) -> str:
     return (folder / "sequences" / "feed.toml").read_text("utf-8")
 
 
+@pytest.mark.sweep(8)
 def test_the_review_says_in_words_what_changes_and_what_follows(staff: Staff) -> None:
     Window(staff, "2").send("fields", minimum="25", label__en="Feed in", permissives__0__when="m1.frequency > 28")
     Window(staff, "2").send("do", do="add_step")
@@ -102,6 +103,7 @@ def test_a_draft_is_tried_out_before_it_is_taken_and_the_outcome_is_told_in_word
     assert staff.post(f"{URL}/try").status_code == 409
 
 
+@pytest.mark.sweep(8)
 def test_mistakes_are_not_taken(staff: Staff, folder: Path) -> None:
     Window(staff, "2").send("fields", minimum="much")
     page = staff.client.get(f"{URL}/review").text
@@ -143,6 +145,7 @@ def test_of_two_engineers_the_second_is_told_and_loses_nothing(staff: Staff, fol
     assert "the conveyor is faster now" in staff.client.get(f"{URL}/history").text
 
 
+@pytest.mark.sweep(8)
 def test_a_full_disk_leaves_the_file_whole_and_the_draft_kept(
     staff: Staff, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -218,6 +221,7 @@ def test_where_the_folder_is_read_only_it_says_so_before_with_the_way_out(
     assert take(staff).status_code == 303, "as soon as it may be written"
 
 
+@pytest.mark.sweep(8)
 def test_a_plant_that_is_not_taken_puts_the_file_back(
     staff: Staff, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -260,6 +264,7 @@ def test_the_page_of_revisions_has_the_time_of_the_house_for_its_clock(staff: St
         take(staff)
 
 
+@pytest.mark.sweep(8)
 def test_only_an_engineer_takes_or_goes_back(staff: Staff) -> None:
     staff.enter("operator_only", "operator")
     for path in ("review", "history"):

@@ -64,6 +64,7 @@ def collector() -> Iterator[None]:
         gc.unfreeze()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.usefixtures("collector")
 @pytest.mark.parametrize("fails", [False, True])
 def test_a_plant_starts_without_the_collector_and_whatever_comes_of_it_the_collector_works_again(

@@ -47,6 +47,7 @@ def sid_of(answer: object) -> str:
 # ---- the first account ------------------------------------------------------------------------------------
 
 
+@pytest.mark.sweep(8)
 def test_a_newcomer_sees_the_plant_types_the_code_and_may_do_everything(start: Start) -> None:
     client = start()
     staff = Staff(client)
@@ -71,6 +72,7 @@ def test_a_newcomer_sees_the_plant_types_the_code_and_may_do_everything(start: S
     assert staff.post("/first", form).status_code == 409
 
 
+@pytest.mark.sweep(8)
 def test_an_account_of_the_terminal_closes_the_first_page_too(start: Start) -> None:
     client = start()
     staff = Staff(client)
@@ -287,6 +289,7 @@ def test_an_initial_password_leads_to_its_change_and_nowhere_else(staff: Staff) 
 # ---- people -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sweep(8)
 def test_people_are_changed_only_with_ones_own_password(staff: Staff) -> None:
     key = staff.add("victim", "operator")
     staff.enter("chief", "admin", "engineer", "operator")
@@ -506,6 +509,7 @@ def test_the_chain_is_verified_from_the_page(staff: Staff) -> None:
     assert f"Verified to line {count}" in staff.client.get("/audit").text
 
 
+@pytest.mark.sweep(8)
 def test_no_page_shows_a_hash_a_key_or_a_password(staff: Staff) -> None:
     staff.enter("chief", "admin", "engineer", "operator")
     for page in ("/users", "/tokens", "/account", "/audit", "/audit.csv"):

@@ -36,6 +36,7 @@ def test_who_works_on_the_pages_keeps_control_without_a_command(
     assert bool(holder(client)) is kept
 
 
+@pytest.mark.sweep(8)
 def test_a_slow_database_at_the_start_makes_no_task_fail(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
     read = RetainedStates.read
 

@@ -92,6 +92,7 @@ def test_a_pause_is_told_as_a_pause_and_not_as_a_fault(staff: Staff) -> None:
     assert tripped(client) == 0, "its watchdog did not count the pause"
 
 
+@pytest.mark.sweep(8)
 def test_commands_to_a_paused_machine_are_refused_with_that_reason(staff: Staff) -> None:
     operator = Operator(staff, "marko", ("operator",))
     operator.take("m1")

@@ -50,6 +50,7 @@ def page(client: TestClient, path: str, language: str) -> str:
     return unescape(answer.text)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("path", PAGES)
 def test_every_page_is_drawn_in_every_language_without_a_text_missing(
@@ -113,6 +114,7 @@ def test_the_words_are_a_tab_and_every_command_stands_on_page_and_faceplate(clie
             assert f"/{command}" in drawn, (path, command)
 
 
+@pytest.mark.sweep(8)
 def test_without_communication_nothing_is_claimed(client: TestClient) -> None:
     cause(client, training.REG_LINE_FAULT, 1)
     pass_time(5)

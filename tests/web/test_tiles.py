@@ -126,6 +126,7 @@ def test_a_state_on_a_tile_and_in_the_picture_is_as_it_is_now(client: TestClient
     assert [unescape(one) for one in shown] == [text, text]
 
 
+@pytest.mark.sweep(8)
 def test_a_lost_link_shows_at_once_on_every_tile(client: TestClient) -> None:
     runtime = runtime_of(client)
     client.pass_time(1)  # type: ignore[attr-defined]
@@ -154,6 +155,7 @@ def test_an_alarm_marks_the_tile_of_its_machine_at_once(client: TestClient) -> N
     assert len(marks) == 2 and all("<svg" in mark for mark in marks)
 
 
+@pytest.mark.sweep(8)
 def test_every_language_has_tiles_of_its_own(client: TestClient) -> None:
     seen = set()
     for language in ("hr", "en", "de", "cs"):
@@ -202,6 +204,7 @@ def test_a_tile_is_given_nothing_of_who_asks() -> None:
         assert {"person", "csrf", "request", "alarms", "operation_of", "status"}.isdisjoint(asked - known), file
 
 
+@pytest.mark.sweep(8)
 def test_a_tile_that_asks_who_looks_is_an_error(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
     runtime, view = runtime_of(client), client.app.state.view  # type: ignore[attr-defined]
     environment = view._environment(runtime.texts, "en")
@@ -225,6 +228,7 @@ def test_who_may_not_view_gets_no_tile_that_another_has_just_drawn(client: TestC
     assert 'class="panel ov' not in page and 'data-tag="m1.' not in page and "data-mark-of" not in page
 
 
+@pytest.mark.sweep(8)
 def test_the_lines_of_all_tiles_are_asked_for_at_once_and_are_those_of_the_tiles(client: TestClient) -> None:
     for address, area in (("/", ""), ("/area/drives", "?area=drives")):
         page = client.get(address).text
@@ -239,6 +243,7 @@ def test_the_lines_of_all_tiles_are_asked_for_at_once_and_are_those_of_the_tiles
             assert line.strip() == client.get(f"/equipment/{machine}/part/why").text.strip()
 
 
+@pytest.mark.sweep(8)
 def test_a_tile_is_not_asked_for_again_because_a_page_begins_to_follow(client: TestClient) -> None:
     """The script dispatches `signal` when the value is another one than the page was made with (static/js/values.js)."""
     runtime = runtime_of(client)

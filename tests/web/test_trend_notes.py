@@ -145,6 +145,7 @@ def test_a_viewer_reads_notes_and_writes_none_and_a_guest_does_neither(staff: St
     assert "trend-notes" not in staff.client.get("/trends?tags=m1.speed").text
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("text", "time", "machine", "words"),
     [

@@ -151,6 +151,7 @@ def test_a_guest_has_no_views(staff: Staff) -> None:
     assert staff.post("/trends/last", {"view": VIEW}, **HX).status_code == 401
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("name", "view", "words"),
     [

@@ -85,6 +85,7 @@ def test_every_page_with_a_date_reads_and_shows_it(staff: Staff, path: str) -> N
     assert "31.2.2026 6:00" in said and "TT.MM.JJJJ hh:mm" in said, said[:500]
 
 
+@pytest.mark.sweep(8)
 def test_help_opened_directly_is_a_whole_page(staff: Staff) -> None:
     for who in (None, Operator(staff, "boss", ("admin", "engineer", "operator"))):
         staff.have()

@@ -86,6 +86,7 @@ def test_no_road_gives_a_guarded_value_to_who_may_not_open_its_page(staff: Staff
         assert name not in mixed["handles"]
 
 
+@pytest.mark.sweep(8)
 def test_who_may_diagnose_reads_them(staff: Staff) -> None:
     staff.enter("ana", "operator")
     for name in guarded(staff)[::7]:
@@ -165,6 +166,7 @@ def test_no_page_tells_a_visitor_who_anybody_is(staff: Staff) -> None:
             assert b"zvonimira" not in answer.body.lower(), address
 
 
+@pytest.mark.sweep(8)
 def test_an_alarm_about_an_account_tells_a_visitor_not_whose(staff: Staff) -> None:
     """Wrong passwords would tell a stranger which names are right, and the first alarm of a plant who its administrator is."""
     staff.add("ljudevita", "admin")

@@ -154,6 +154,7 @@ async def test_an_anchor_that_a_full_disk_takes_in_part_is_taken_back_and_writte
 TORN = [b"\0\0\0", b"{seq} 17000", b"{seq} 1700000000000000 " + b"a" * 64 + b" - abc", b"{seq}", b"{whole}"]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("before", [0, 1, 2])
 @pytest.mark.parametrize("torn", TORN)
 async def test_the_piece_of_an_anchor_that_a_power_cut_left_is_taken_away_at_the_next_start(

@@ -18,6 +18,7 @@ FORGED = {
 }  # fmt: skip
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("where", ["alone", "before", "behind", "again", "shuffled"])
 async def test_a_foreign_line_in_the_buffer_is_found_and_never_chained(
     open_access: OpenAccess, data: Path, where: str

@@ -37,6 +37,7 @@ async def test_an_untouched_chain_is_in_order(access: Access) -> None:
     assert (verdict.ok, verdict.count) == (True, LINES)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("statements", "bad", "why"),
     [
@@ -70,6 +71,7 @@ async def test_a_touched_line_is_named(access: Access, data: Path, statements: l
     assert (verdict.ok, verdict.bad, verdict.why) == (False, bad, why)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("column", COLUMNS)
 async def test_every_column_is_in_the_chain(access: Access, data: Path, column: str) -> None:
     await filled(access, 3)

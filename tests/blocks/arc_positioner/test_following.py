@@ -244,6 +244,7 @@ def test_a_jammed_axis_ends_in_an_alarm_with_both_axes_stopped(axis: int) -> Non
     assert lift.result.worst < 40.0, "20 mm, and what the other axis needs until its brake has it"
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("gain", "slowed", "phase"),
     [(0.999, False, ArcPhase.DONE), (0.9, True, ArcPhase.DONE), (0.0, True, ArcPhase.FAULT)],

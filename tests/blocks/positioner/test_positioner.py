@@ -76,6 +76,7 @@ def test_positions_told_are_the_formulas() -> None:
     assert out.slow_down_position == pytest.approx(6513.2, abs=0.05)
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=60, deadline=None)
 @given(
     start=st.floats(0, 20000),
@@ -114,6 +115,7 @@ def test_hoist_likewise_with_and_without_slow_travel(gap: float, lag: float, set
     assert done.overshoot <= data.resolution or abs(gap) < 5.0
 
 
+@pytest.mark.sweep(8)
 @settings(max_examples=10, deadline=None)
 @given(gap=st.floats(20, 9000), lag=st.floats(0, 0.2))
 def test_forward_and_back_mirror_each_other(gap: float, lag: float) -> None:

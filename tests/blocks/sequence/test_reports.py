@@ -37,6 +37,7 @@ def test_a_stall_names_the_permissive_that_fell_first() -> None:
     assert bench.block.step == 2 and bench.block.first_out is None
 
 
+@pytest.mark.sweep(8)
 def test_two_that_fall_20_ms_apart_are_told_apart_a_thousand_times() -> None:
     random = Random(4)
     for _ in range(1000):

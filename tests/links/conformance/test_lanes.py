@@ -93,6 +93,7 @@ async def test_what_a_lane_breaks_is_named(rule: str, words: dict[int, int], see
     assert seen in found[rule].seen
 
 
+@pytest.mark.sweep(8)
 async def test_a_server_without_the_image_of_its_lanes_is_told_which() -> None:
     async with scanning("conveyor", plant()) as (bus, unit):
         found = await judged(NoLanes(bus, unit), "conveyor", write=False, data=data())

@@ -15,6 +15,7 @@ from app.profidrive.parameter_access.messages import (
 from tests.profidrive.parameter_access.test_messages import one
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("number", range(256))
 def test_a_format_holds_its_limits_and_nothing_beyond(number: int) -> None:
     request = bytes((1, 2, 2, 1, 0x10, 1, 0, 1, 0, 0, number, 1)) + b"\xff" * 4

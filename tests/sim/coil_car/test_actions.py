@@ -12,6 +12,7 @@ from tests.sim.coil_car.bench import line, value
 from tests.sim.coil_car.line import act
 
 
+@pytest.mark.sweep(8)
 def test_the_transport_by_actions_lays_the_coil_on_the_farthest_saddle() -> None:
     car, talker = line(start="automatic", coil=True)
     talker.events()

@@ -13,6 +13,7 @@ from tests.sim.coil_car.bench import DONE, line, run, value
 from tests.sim.coil_car.line import act
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("code", "event", "fault"),
     [
@@ -63,6 +64,7 @@ def test_a_limit_switch_stuck_on_blocks_its_direction_only(number: int, movement
     assert (car.machine.x, car.machine.v) != (2700, 300)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("number", "bits"), [(1, 2), (2, 1), (3, 4), (4, 8)])
 def test_a_limit_switch_stuck_off_is_noticed_and_the_position_stops_the_axis(number: int, bits: int) -> None:
     car, talker = line(settings={"manual_horizontal": 200.0, "manual_vertical": 100.0})

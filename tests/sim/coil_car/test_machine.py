@@ -21,6 +21,7 @@ def test_the_crane_takes_a_coil_but_not_from_above_the_car() -> None:
     assert (CoilCarEvent.COIL_REMOVED, 2) in talker.codes()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("code", "low", "back", "block"),
     [

@@ -68,6 +68,7 @@ def test_the_map_of_a_line_of_any_build_says_what_it_is(belts: int, sensors: int
     assert not any(math.isnan(value(key)) for key in kind.points if key.endswith("_end_1"))
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("belts", [1, 5, 16])
 async def test_the_last_belt_moves_alone_by_hand_and_its_jam_is_told(belts: int) -> None:
     on = TestLine(wide(belts, 3))

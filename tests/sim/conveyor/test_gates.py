@@ -156,6 +156,7 @@ def test_none_is_lost_or_doubled_on_forty_lines_with_gates(seed: int) -> None:
     sweep(seed, 900)
 
 
+@pytest.mark.sweep(8)
 async def test_a_gate_that_does_not_arrive_holds_the_product_and_is_told_until_it_does() -> None:
     line = TestLine(sorting(Geometry(gates=(GatePlan(330.0, Rule.ALTERNATING, 0.0, 0.8),)), scanner=0))
     await line.train(training.REG_MACHINE_FAULT, GATE_FAULTS + 1)

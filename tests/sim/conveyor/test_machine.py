@@ -13,6 +13,7 @@ from tests.sim.conveyor.bench import QUICK, line, put, running
 from tests.sim.conveyor.line import Operator, Witness
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("sensor", [2, 3, 4])
 async def test_a_blind_sensor_loses_products_and_is_suspected(sensor: int) -> None:
     on = running()

@@ -14,6 +14,7 @@ from tests.sim.conveyor.bench import QUICK, SIMULATION, TOLERANCE, line, running
 from tests.sim.conveyor.line import Operator, Witness
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("belt", [1, 2, 3])
 async def test_a_jam_stops_the_line_and_is_over_after_reset_and_start(belt: int) -> None:
     on = running()
@@ -99,6 +100,7 @@ async def test_stops_in_between_do_not_hide_a_jam() -> None:
     assert (24, 3) in await on.codes()
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("belt", [1, 2, 3])
 async def test_a_dead_encoder_is_no_jam_and_makes_positions_uncertain(belt: int) -> None:
     on = running()
@@ -125,6 +127,7 @@ async def test_a_dead_encoder_is_no_jam_and_makes_positions_uncertain(belt: int)
     assert witness.worst < 2
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("speed", [10.0, 30.0, 37.0, 50.0, 80.0, 100.0])
 async def test_one_pulse_more_or_less_is_no_other_speed(speed: float) -> None:
     for geometry in (Geometry(), SIMULATION):

@@ -22,6 +22,7 @@ from tests.sim.conveyor.line import MemoryPort, Port, TestLine, Witness, tcp_por
 # ---- one product, from entry to unloading
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("geometry", [Geometry(), SIMULATION], ids=["model", "simulation"])
 async def test_a_product_runs_from_entry_to_unloading(geometry: Geometry) -> None:
     on = line(geometry=geometry, settings={})
@@ -131,6 +132,7 @@ async def test_a_silent_host_ends_automatic() -> None:
 # ---- power and repetition
 
 
+@pytest.mark.sweep(8)
 async def test_a_power_cycle_keeps_tracking() -> None:
     on = running()
     witness = Witness(on)
@@ -209,6 +211,7 @@ async def road(request: pytest.FixtureRequest) -> AsyncIterator[tuple[TestLine, 
             yield on, port
 
 
+@pytest.mark.sweep(8)
 async def test_memory_and_tcp_tell_the_same(road: tuple[TestLine, Port]) -> None:
     on, port = road
     on.port = port

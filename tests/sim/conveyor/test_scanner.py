@@ -102,6 +102,7 @@ async def test_readings_outlive_the_supply_and_go_with_their_products() -> None:
     assert set(line.device.scanner.readings) <= {product.id for product in line.device.tracking.products}
 
 
+@pytest.mark.sweep(8)
 def test_the_same_seed_prints_the_same_labels() -> None:
     def orders(seed: int) -> list[int]:
         plc = scanning(seed=seed)

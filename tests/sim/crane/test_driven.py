@@ -144,6 +144,7 @@ def test_moves_at_full_speed_into_the_limit_and_back() -> None:
     assert driven.axis.strain == 0.0
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("fault", "alarm", "where"),
     [("slow_dead", LimitAlarm.SLOW_FAILED, 33080 + 500 + 230), ("stop_dead", LimitAlarm.STOP_FAILED, 34080 + 500 + 10)],

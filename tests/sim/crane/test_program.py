@@ -479,6 +479,7 @@ def test_a_cycle_that_is_suspended_anywhere_goes_on_and_ends(step: Step) -> None
     assert crane.cycles_done == 1 and crane.load.stand == 2
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("motor", [2, 3])
 def test_an_axis_whose_motor_is_too_hot_when_its_turn_comes_suspends_instead_of_standing_for_ever(motor: int) -> None:
     stand = in_step(Step.BELOW_LOCK)

@@ -37,6 +37,7 @@ def test_curve_of_the_figures_has_the_numbers_of_the_thesis() -> None:
     assert positions == sorted(positions)
 
 
+@pytest.mark.sweep(8)
 def test_circular_lift_stays_on_the_circle_where_the_formulas_of_the_original_do_not() -> None:
     run = run_arc()
     found = {one.key: one.ours for one in run.numbers}

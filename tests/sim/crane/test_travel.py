@@ -80,6 +80,7 @@ def test_the_load_hangs_still_when_a_shaped_move_has_arrived(axis: str, way: flo
     assert times[OFF] < times[ZV] < times[ZVD]
 
 
+@pytest.mark.sweep(8)
 def test_both_axes_are_shaped_together_and_the_hoist_never() -> None:
     trips = {shaping: Trip(shaping) for shaping in (OFF, ZVD)}
     for trip in trips.values():
@@ -108,6 +109,7 @@ def test_what_stops_a_shaped_move_is_not_shaped_and_nothing_of_it_is_held(fault:
         assert abs(trip.axes[axis].axis.position - 14000.0) < 5.5
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("periods", [(0.02,), (0.05,), (0.01, 0.04, 0.04, 0.05, 0.03)])
 def test_scans_of_another_length_leave_the_load_as_still(periods: tuple[float, ...]) -> None:
     trip, scan = Trip(ZVD), 0

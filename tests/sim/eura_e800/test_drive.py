@@ -116,6 +116,7 @@ def test_power_cycle_clears_a_fault_unless_its_cause_stays() -> None:
 # ---- the same again
 
 
+@pytest.mark.sweep(8)
 def test_seed_and_writes_repeat_a_run_bit_for_bit() -> None:
     writes = {
         5: (0x2000, FORWARD),
@@ -160,6 +161,7 @@ def test_reading_does_not_change_anything() -> None:
     assert watched.motor.speed == alone.motor.speed
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("seed", range(12))
 def test_whatever_is_written_the_physics_stays_sound(seed: int) -> None:
     random = Random(seed)

@@ -17,6 +17,7 @@ def test_motor_overload_at_150_percent_trips_in_a_minute() -> None:
     assert device.fault == OL2
 
 
+@pytest.mark.sweep(8)
 def test_f707_lowers_and_f803_moves_the_motor_protection() -> None:
     for parameters in ({"F707": 50.0}, {"F803": 2.2}):
         device = command(drive(**parameters), FORWARD, 6)

@@ -23,6 +23,7 @@ def test_a_device_tells_its_type() -> None:
     assert drive().read(3, 0xE003, 1) == [training.TYPE_CODE]
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("address", "words", "shown", "after"),
     [

@@ -18,6 +18,7 @@ def mapped() -> Areas:
     return areas
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("first", range(0x0E, 0x27))
 @pytest.mark.parametrize("count", range(1, 12))
 def test_a_read_gives_what_is_mapped_up_to_the_first_gap(first: int, count: int) -> None:

@@ -37,6 +37,7 @@ def test_the_example_of_the_sheet_starts_it() -> None:
     assert drive.read(3, at(registers.ACTUAL), 1)[0] == pytest.approx(HALF, abs=60)
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(
     ("word", "while_stopping", "after", "longest"),
     [
@@ -150,6 +151,7 @@ def test_a_plant_file_that_asks_too_much_is_told_what(options: dict[str, object]
 # ---- time and chance
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("start", ["", "forward", "reverse"])
 def test_the_same_seed_and_writes_repeat_a_run_and_reset_begins_anew(start: str) -> None:
     def story(drive: VirtualSinamics) -> list[list[int]]:

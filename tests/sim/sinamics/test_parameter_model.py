@@ -143,6 +143,7 @@ def write_raw(drive: VirtualSinamics, one: DriveParameter, value: float, subinde
     return Failed(window[5], (window[6],))
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("one", [one for one in PARAMETERS.values() if not one.writable], ids=lambda one: one.code)
 def test_what_is_only_read_is_not_written(one: DriveParameter) -> None:
     drive = powered()

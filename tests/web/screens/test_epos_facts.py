@@ -8,6 +8,7 @@ from fastapi.testclient import TestClient
 from tests.web.people import Staff
 
 
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize(("lang", "words"), [("hr", "da|ne"), ("en", "yes|no"), ("de", "ja|nein"), ("cs", "ano|ne")])
 def test_bits_of_the_status_are_words(demo: TestClient, lang: str, words: str) -> None:
     Staff(demo).enter(f"eva_{lang}", "operator")
