@@ -19,6 +19,7 @@ from fastapi import FastAPI
 from app import logs
 from app.errors import ConfigurationError, PogonError
 from app.settings import Settings
+from app.watchdog import Watchdog
 from app.web.connections import Connection, Greeter, doors_of_this_machine
 from app.web.guard import access_of
 
@@ -159,6 +160,7 @@ class Server(uvicorn.Server):
         super().__init__(config)
         self._pogon = app
         self._settings = settings
+        self._watchdog = Watchdog()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Answer on the open sockets and say so."""
@@ -167,9 +169,18 @@ class Server(uvicorn.Server):
         gc.collect()
         gc.freeze()
         gc.enable()  # `pogon run` starts without it
+        if self.started:
+            self._watchdog.start()  # not before: a database is migrated first, however long that takes
         if self.started and self.servers:
             port = self.servers[0].sockets[0].getsockname()[1]
             typer.echo(announcement(self._pogon, self._settings, port))
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Close the sockets and let the plant end; an end that hangs is ended."""
+        try:
+            await super().shutdown(sockets)
+        finally:
+            self._watchdog.stop()
 
 
 def announcement(app: FastAPI, settings: Settings, port: int) -> str:

@@ -1,0 +1,75 @@
+"""The watchdog of the event loop: a server that hangs is ended, so that whatever started it starts it again.
+
+Whoever looks after a process (systemd, a container engine) sees that it is there, not that it answers. What hangs it is told by the stacks
+of all threads, on standard error.
+"""
+
+import asyncio
+import faulthandler
+import logging
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from threading import Event, Thread
+
+log = logging.getLogger(__name__)
+
+PERIOD = 1.0
+"""How often the loop gives a sign of life, and how often one is looked for [s]."""
+LIMIT = 30
+"""So many looks in a row without a sign end the process. Looks, not seconds: a stopped process (SIGSTOP, Ctrl+Z) does not look."""
+ENDED = 70
+"""Exit code of a process that was ended: EX_SOFTWARE of sysexits.h."""
+TELLING = 1.0
+"""For the line in the log, which whoever hangs may hold up [s]."""
+
+
+def end_process() -> None:
+    """Tell where every thread is and end the process at once: nothing of it can be trusted to end in order."""
+    with suppress(OSError, ValueError):  # no standard error
+        faulthandler.dump_traceback(sys.stderr)
+    line = "the event loop has not turned for %d s: the server ends itself, where each thread was stands above"
+    telling = Thread(target=log.critical, args=(line, LIMIT * PERIOD), daemon=True)
+    telling.start()
+    telling.join(TELLING)
+    os._exit(ENDED)
+
+
+class Watchdog:
+    """Watches the running loop from a thread of its own, from `start` to `stop`."""
+
+    def __init__(self, bite: Callable[[], None] = end_process) -> None:
+        """`bite` is called once, in the watchdog's thread, when the loop hangs."""
+        self._bite = bite
+        self._alive = False
+        self._silent = 0
+        self._stopped = Event()
+        self._next: asyncio.TimerHandle | None = None
+
+    def start(self) -> None:
+        """Watch the loop that runs."""
+        self._sign(asyncio.get_running_loop())
+        Thread(target=self._watch, name="watchdog", daemon=True).start()
+
+    def stop(self) -> None:
+        """Watch no more."""
+        self._stopped.set()
+        if self._next:
+            self._next.cancel()
+
+    def look(self) -> bool:
+        """Look for a sign since the last look; whether the loop hangs."""
+        self._silent = 0 if self._alive else self._silent + 1
+        self._alive = False
+        return self._silent >= LIMIT
+
+    def _sign(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._alive = True
+        self._next = loop.call_later(PERIOD, self._sign, loop)
+
+    def _watch(self) -> None:
+        while not self._stopped.wait(PERIOD):
+            if self.look():
+                self._bite()
+                return
