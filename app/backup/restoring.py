@@ -4,11 +4,12 @@ import os
 import re
 import shutil
 import sqlite3
-import tomllib
 from collections.abc import Iterator, Set
 from contextlib import closing
 from pathlib import Path
 from typing import Any
+
+import tomli
 
 from app.access.keys import lock, read_mark, write_mark
 from app.access.restoring import commit, finish_restore, stage, sync_folder, sync_tree
@@ -167,7 +168,7 @@ def _turn_writes_off(folder: Path) -> None:
 def _writes(text: bytes) -> bool:
     """Whether a link of this plant file, if it is one, writes."""
     try:
-        links: Any = tomllib.loads(text.decode("utf-8-sig")).get("links", {})
+        links: Any = tomli.loads(text.decode("utf-8-sig")).get("links", {})
     except (ValueError, RecursionError):
         return False  # no plant that anybody can start
     return isinstance(links, dict) and any(

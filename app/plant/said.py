@@ -4,10 +4,11 @@ The texts are `mistake.<key>` of the product (`app/locale/<lang>/mistake.toml`),
 such a text itself.
 """
 
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
+
+import tomli
 
 ENGLISH = Path(__file__).resolve().parents[1] / "locale" / "en" / "mistake.toml"
 LONGEST = 400
@@ -85,5 +86,5 @@ def _first(texts: Mapping[str, str]) -> str:
 
 @lru_cache(maxsize=1)
 def _english() -> Mapping[str, str]:
-    table = tomllib.loads(ENGLISH.read_text("utf-8"))["mistake"]
+    table = tomli.loads(ENGLISH.read_text("utf-8"))["mistake"]
     return {f"mistake.{key}": text for key, text in table.items()}

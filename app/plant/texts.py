@@ -10,11 +10,11 @@ A table of plural forms is written as its categories: `rows.one`, `rows.few`, `r
 """
 
 import string
-import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
 
+import tomli
 from babel import Locale, UnknownLocaleError
 
 from app.errors import ConfigurationError
@@ -143,7 +143,7 @@ def _by_type(plant: Plant) -> dict[str, dict[str, str]]:
 @lru_cache(maxsize=256)
 def _parsed(text: str) -> tuple[tuple[str, str], ...]:
     """Keys and texts of a file: what starts reads them for its pages, its alarms and its commands."""
-    return tuple(flatten(tomllib.loads(text)))
+    return tuple(flatten(tomli.loads(text)))
 
 
 def read_product(folder: Path = LOCALE) -> dict[str, dict[str, str]]:

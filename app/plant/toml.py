@@ -1,12 +1,13 @@
 """TOML within limits: what nobody writes by hand is refused before it costs time or memory, and in one line.
 
-`tomllib` alone takes minutes for keys of a hundred thousand parts, falls over at deep nesting, and over a number of five thousand digits.
+`tomli` alone takes minutes for keys of a hundred thousand parts, falls over at deep nesting, and over a number of five thousand digits.
 """
 
 import re
-import tomllib
 from functools import lru_cache
 from typing import Any
+
+import tomli
 
 from app.plant.said import said
 
@@ -55,7 +56,7 @@ PARSER = {
     "Invalid hex value": "parser_hex",
     "Escaped character is not": "parser_scalar",
 }
-"""How what `tomllib` says begins → the text of ours."""
+"""How what `tomli` says begins → the text of ours."""
 
 
 class TomlRefused(Exception):
@@ -77,7 +78,7 @@ def parse(text: str) -> dict[str, Any]:
     """
     _check_outline(text)
     try:
-        tables = tomllib.loads(text)
+        tables = tomli.loads(text)
     except RecursionError as error:
         raise TomlRefused(said("mistake.tables_in_tables"), said("mistake.in_each_other", most=DEEPEST), 0) from error
     except ValueError as error:  # also of what Python makes of its numbers and times
@@ -148,7 +149,7 @@ def _not_toml(text: str, parser: str) -> TomlRefused:
 
 
 def _why(parser: str) -> str:
-    """What `tomllib` said, as a text of ours where it is one of its common ones."""
+    """What `tomli` said, as a text of ours where it is one of its common ones."""
     what, _, place = parser.partition(" (at ")
     known = next((key for begin, key in PARSER.items() if what.startswith(begin)), "")
     at = re.match(r"line (\d+), column (\d+)", place)

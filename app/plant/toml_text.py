@@ -5,12 +5,13 @@ the tables that they mean; when the text read anew does not mean the same, it is
 """
 
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from datetime import date, time
 from typing import Any
+
+import tomli
 
 from app.plant.toml import TOKEN, parse
 
@@ -100,7 +101,7 @@ def edited(text: str, changes: Sequence[Change]) -> str:
         _change_tables(wanted, change)
         found = "".join(piece.text for piece in _change_pieces(pieces(text), change))
         try:
-            same = tomllib.loads(found) == wanted
+            same = tomli.loads(found) == wanted
         except ValueError:
             same = False
         if not same:
