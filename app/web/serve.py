@@ -18,6 +18,7 @@ from fastapi import FastAPI
 
 from app import logs
 from app.errors import ConfigurationError, PogonError
+from app.plant.toml import parse
 from app.settings import Settings
 from app.watchdog import Watchdog
 from app.web.connections import Connection, Greeter, doors_of_this_machine
@@ -165,6 +166,7 @@ class Server(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Answer on the open sockets and say so."""
         await super().startup(sockets)
+        parse.cache_clear()  # what the files say is in the plant now
         # what was built so far stays: the collector need not walk it again and hold up the loop (40 ms with 1 000 tags)
         gc.collect()
         gc.freeze()
