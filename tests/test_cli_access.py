@@ -292,6 +292,15 @@ def test_port_0_is_told_as_what_it_became(tmp_path: Path) -> None:
     assert "http://localhost:43210/" in announcement(create_app(settings), settings, 43210)
 
 
+@pytest.mark.parametrize(("terminal", "line"), [(True, "/ (Ctrl+C ends it)\n"), (False, "/\n")])
+def test_only_at_a_terminal_keys_that_end_it_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, terminal: bool, line: str
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: terminal)
+    settings = Settings(data=tmp_path)
+    assert f"Pogon is at http://localhost:8000{line}" in announcement(create_app(settings), settings, 8000)
+
+
 def test_the_name_that_others_type_is_told_where_the_server_listens_for_them(tmp_path: Path) -> None:
     """A teacher read localhost alone, for which his certificate is not."""
     given = {"host": "0.0.0.0", "data": tmp_path, "allowed_hosts": "teacher.example"}
@@ -299,7 +308,7 @@ def test_the_name_that_others_type_is_told_where_the_server_listens_for_them(tmp
     assert "Others reach it at https://teacher.example:8000/\n" in announcement(create_app(own), own, 8000)
     contained = Settings(**given, tls_cert=tmp_path / "cert.pem", tls_key=tmp_path / "key.pem", published_port=8443)
     assert "Others reach it at https://teacher.example:8443/\n" in announcement(create_app(contained), contained, 8000)
-    assert "Pogon is at https://localhost:8443/ " in announcement(create_app(contained), contained, 8000)
+    assert "Pogon is at https://localhost:8443/\n" in announcement(create_app(contained), contained, 8000)
     proxied = Settings(**given, behind_proxy="192.0.2.1")
     assert "Others" not in announcement(create_app(proxied), proxied, 8000), "they come to the port of the proxy"
     near = Settings(data=tmp_path, allowed_hosts="teacher.example")

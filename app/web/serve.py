@@ -194,7 +194,8 @@ def announcement(app: FastAPI, settings: Settings, port: int) -> str:
     address = f"{scheme}://{host}:{port}/"
     access = access_of(app)
     code = access.first_code.text if access else ""
-    lines = [f"Pogon is at {address} (Ctrl+C ends it)"]
+    how = " (Ctrl+C ends it)" if sys.stdout.isatty() else ""  # a service has no keyboard
+    lines = [f"Pogon is at {address}{how}"]
     if settings.host in ("0.0.0.0", "::") and not settings.behind_proxy:  # a proxy has a port of its own
         names = sorted(settings.hosts - {"localhost", "127.0.0.1", "::1", "[::1]"})
         lines += [f"Others reach it at {scheme}://{name}:{port}/" for name in names]
