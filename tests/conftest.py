@@ -94,6 +94,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [item for item in items if drawn(item, seed)]
 
 
+DEAR = 0.5
+"""A test that runs each time and takes longer is named [s]."""
 BROWSERS = 16
 """One in so many tests with a browser is drawn: a second of theirs costs what fifty tests without one do."""
 
@@ -105,6 +107,22 @@ def drawn(item: pytest.Item, seed: int) -> bool:
     else:
         one_in = BROWSERS if item.get_closest_marker("browser") and not item.get_closest_marker("always") else 1
     return int.from_bytes(blake2b(f"{seed} {item.nodeid}".encode(), digest_size=8).digest()) % one_in == 0
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    """After a draw: the dearest of the tests that run each time, of which one that is one of many should be marked `sweep`."""
+    if config.getoption("--draw") is None:
+        return
+    ran = [one for one in terminalreporter.stats.get("passed", ()) if one.when == "call"]
+    each = [one for one in ran if not {"sweep", "browser"} & {*one.keywords} and one.duration > DEAR]
+    each.sort(key=lambda one: -one.duration)
+    if each:
+        whole = sum(one.duration for one in each)
+        terminalreporter.write_line(
+            f"Run each time, not drawn: {len(each)} tests of more than {DEAR:g} s, {whole:.0f} s in all"
+        )
+        for one in each[:5]:
+            terminalreporter.write_line(f"  {one.duration:.1f} s {one.nodeid}")
 
 
 def pytest_collection_finish() -> None:
