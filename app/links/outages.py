@@ -62,6 +62,8 @@ RECHECK = 1.5
 """Before a unit that is not the device of the plant file is asked again what it is [s]."""
 FIRST_LOOK, LOOKS = 1.0, 6
 """Before the first [s], doubling, and how often a device that is read is asked once more for what it did not say: if it is simulated."""
+HANG_UPS = 2
+"""A device with which the connection was lost so often in a row at that question is read without: some hang up instead of refusing."""
 PERMANENT_CODES = (1, 7)
 KINDS: Mapping[type[UnitService], Callable[..., Service]] = {
     PlcMap: PlcUnit,
@@ -302,8 +304,13 @@ class Outages(Line):
         device = station.device
         if READ_HOLDING not in device.read_functions or any(a <= device.training <= b for a, b in device.holes):
             return heard or await self._is_there(station)
+        if station.hung_up >= HANG_UPS:
+            station.hung_up = 0  # lost later on, it is asked again
+            return heard or await self._is_there(station)
         for _ in range(1 + RETRIES):
+            station.hung_up += 1  # before: a lost connection ends this task
             told = await look_at_head(self, station)
+            station.hung_up = 0
             if told is not None:
                 return told
         station.untold = True

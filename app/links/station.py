@@ -37,6 +37,8 @@ class Station:
     """Whether it says that it is simulated."""
     untold: bool = False
     """Whether it was asked for that, and said nothing."""
+    hung_up: int = 0
+    """Connections in a row that were lost while it was asked for that."""
     mute: bool = False
     """Whether it said nothing when it was asked for the header of a PLC (plc_instead.py)."""
     state: LinkState = LinkState.CONNECTING

@@ -392,6 +392,27 @@ async def test_a_device_that_is_silent_where_it_has_no_registers_is_read_behind_
     await server.close()
 
 
+async def test_a_device_that_hangs_up_where_it_has_no_registers_is_read() -> None:
+    bus, loop, lost = Bus({1: RegisterDevice({0: 7})}), asyncio.get_running_loop(), list[float]()
+
+    class Abrupt(Closing):
+        def data_received(self, data: bytes) -> None:
+            if int.from_bytes(data[8:10], "big") == DRIVE.training:
+                lost.append(loop.time())
+                self.transport.abort()
+            else:
+                super().data_received(data)
+
+    server = await loop.create_server(lambda: Abrupt(bus, hard=True), "127.0.0.1", 0)
+    link = Link("hall", "tcp", host="127.0.0.1", tcp_port=server.sockets[0].getsockname()[1])
+    async with running([row("m", 1, 1, DRIVE)], link=link) as made:
+        await until(lambda: is_good(made.quality("m.v0")), BACK)
+        await asyncio.sleep(300)
+        assert is_good(made.quality("m.v0"))
+        assert len(lost) == 2
+    server.close()
+
+
 class Unhurried(Bus):
     """A device that takes 0.9 s for each answer, and now and then has an exception in its place, or none."""
 
