@@ -1,7 +1,9 @@
 """The audit on screen and as CSV: who did what, where, from what to what, and whether the chain holds."""
 
 import re
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import suppress
+from functools import partial
 from typing import Any
 from urllib.parse import urlencode
 from zoneinfo import ZoneInfo
@@ -267,10 +269,20 @@ def _result(request: Request, line: Record) -> str:
     return _known(request, f"{family}.{line.result}", _known(request, f"audit.result.{line.result}", line.result))
 
 
+def _written(request: Request, params: Mapping[str, str]) -> dict[str, object]:
+    """`params` of a reason as the language writes them: the audit keeps its numbers as texts."""
+    numbers = dict[str, object]()
+    for name in params.keys() & (fmt.VALUES | {"seconds", "limit", "age"}):
+        with suppress(ValueError):
+            numbers[name] = float(params[name])
+    return fmt.parameters({**params, **numbers}, language.language_of(request), partial(view_of(request).text, request))
+
+
 def _reason(request: Request, line: Record) -> str:
     """Why it came to this end, filled with what the gate wrote down as `reason_…`; labels are text keys of the machine's type."""
     params = dict(line.parameters)
-    params |= {name.removeprefix("reason_"): value for name, value in params.items() if name.startswith("reason_")}
+    of_reason = {name.removeprefix("reason_"): value for name, value in params.items() if name.startswith("reason_")}
+    params |= {name: str(value) for name, value in _written(request, of_reason).items()}
     runtime = view_of(request).runtime(request)
     item = runtime.plant.equipment.get(line.object.partition(".")[0]) if runtime.plant else None
     if params.get("label"):

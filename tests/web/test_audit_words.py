@@ -39,6 +39,13 @@ def test_a_setpoint_has_its_unit_and_the_sign_of_the_language(staff: Staff, lang
     assert cells[5:7] == [f"40{mark}00 Hz", f"38{mark}50 Hz"]
 
 
+@pytest.mark.parametrize(("lang", "mark"), [("hr", ","), ("en", "."), ("de", ","), ("cs", ",")])
+def test_the_limits_of_a_refusal_have_the_sign_of_the_language(staff: Staff, lang: str, mark: str) -> None:
+    why = {"reason": "why.out_of_limits", "reason_min": "0.5", "reason_max": "47.25", "reason_unit": "Hz"}
+    cells = written(staff, lang, "command", None, "m1.set_frequency", "", "0.4", "refused", **why)
+    assert f"0{mark}5 " in cells[7] and f"47{mark}25 Hz" in cells[7]
+
+
 @pytest.mark.sweep(8)
 @pytest.mark.parametrize("typed", ["NaN", "nan", "inf", "-Infinity", "9" * 400, "1_000", "1e1", "٣٨"])
 def test_what_was_typed_and_is_no_number_stays_as_it_was_typed(staff: Staff, typed: str) -> None:
