@@ -63,7 +63,8 @@ class CommandWords:
         own = self.equipment.equipment.type.texts.get(self.equipment.lang, {})
         if key in own:
             return own[key]
-        return self.equipment.text(key, **filled).rstrip()
+        told = self.equipment.text(key, **filled).rstrip()
+        return self.equipment.t(key) if told == f"[{key}]" else told
 
     def filled(self, params: Mapping[str, object], label: str = "") -> dict[str, object]:
         """`params` of a reason as they are written in this language."""

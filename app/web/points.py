@@ -272,9 +272,15 @@ class EquipmentView:
         return EquipmentView(found, self.runtime, self.lang, self.text) if found else None
 
     def t(self, key: str) -> str:
-        """A text of the equipment type, else of the product."""
-        own = self.equipment.type.texts.get(self.lang, {}).get(key)
-        return own if own is not None else self.text(key)
+        """A text of the equipment type, else of the product; one that only another language has, with its mark."""
+        own = self.equipment.type.texts
+        here = own.get(self.lang, {}).get(key)
+        if here is not None:
+            return here
+        told = self.text(key)
+        if told != f"[{key}]":
+            return told
+        return self.words({language: texts[key] for language, texts in own.items() if key in texts}) or told
 
     def told(self, key: str, numbers: Mapping[str, object]) -> str:
         """The text `key` with the numbers that it names; – for one that is not known."""

@@ -1,5 +1,6 @@
 """A machine of a plant folder that lives in bits and in numbers of 64 bits: shown, commanded, set, stored, exported."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -125,6 +126,21 @@ def client(tmp_path: Path, rack: Rack) -> Iterator[VirtualClient]:
         assert until(lambda: tags.sample("r1.heater").value is not None, 20)
         yield browser
         browser.run(server.close())
+
+
+def test_what_a_language_lacks_is_shown_in_another_one_with_its_mark(client: VirtualClient) -> None:
+    staff = Staff(client)
+    staff.enter("ana", "engineer", "operator")
+    staff.client.cookies.set("pogon_lang", "de")
+    for path, shown in (
+        ("/equipment/r1", ("[en] Door", "[en] stands", "[en] Start", "[en] Stop")),
+        ("/equipment/r1/faceplate", ("[en] Door", "[en] stands", "[en] Stop")),
+        ("/equipment/r1/parameters", ("[en] Heater", "[en] cold", "[en] Group")),
+        ("/", ("[en] Running", "[en] stands")),
+    ):
+        page = words(staff.client.get(path).text)
+        assert [one for one in shown if one not in page] == [], path
+        assert re.findall(r"\[(?:point|choice|command|group)\.[^]]*", page) == [], path
 
 
 @pytest.mark.sweep(8)
