@@ -34,9 +34,9 @@ OWN_SPACE = re.compile(
 KEPT = {
     "access.css": 1,  # beside a switch
     "coil_car.css": 1,  # beside the key that makes the picture larger
-    "conveyor.css": 2,  # beside and above Stop, which a dialog leaves in sight
     "faceplate.css": 2,  # above the bar of commands at the bottom of a phone
     "frame.css": 1,  # the same
+    "operation.css": 1,  # above Stop, which a dialog leaves in sight
     "palette.css": 1,  # above the bar
     "sequence.css": 1,  # below the tabs
     "trends.css": 2,  # beside the live switch
