@@ -65,6 +65,8 @@ class _State:
     at: int = 0
     """When it was last brought up to date [µs]."""
     day: str = ""
+    other: tuple[str, float | None] = ("", None)
+    """Of an extreme the day before this one, or after it when the clock was set back, and what it was then."""
     last: Value = None
     """Input as last seen."""
     heard: bool = False
@@ -116,7 +118,8 @@ class Derivation:
         """Take what changed at `time_us` [µs UTC]; what changes by it as (name, value, quality).
 
         Call it once a second or so with nothing: hours go on and a new day begins although no value changes. The first call gives
-        every derived point. A clock that was set back adds nothing and takes nothing away.
+        every derived point. A clock that was set back adds nothing and takes nothing away; over midnight, the extremes of that day are
+        those of today again.
         """
         new_day = self._turn_day(time_us)
         waiting: set[int] = set()
@@ -147,9 +150,9 @@ class Derivation:
     def retained(self) -> dict[str, Retained]:
         """State of every point that survives a restart, by the lasting id of the point."""
         return {
-            state.point.id: {"value": state.value, "day": state.day, "last": state.last}
+            state.point.id: {"value": state.value, "day": state.day, "last": state.last, "other": list(state.other)}
             for state in self._states
-            if state.kind in RETAINED and state.value is not None
+            if state.kind in RETAINED and (state.value is not None or state.other[1] is not None)
         }
 
     def restore(self, kept: Mapping[str, Retained]) -> None:
@@ -165,6 +168,7 @@ class Derivation:
                 state.value = value if isinstance(value, int | float) else None
                 state.day = day if isinstance(day, str) else ""
                 state.last = last if isinstance(last, int | float | str) else None
+                state.other = _other(found.get("other"))
         self._fresh = True
 
     def reset(self, name: str) -> None:
@@ -237,7 +241,9 @@ class Derivation:
 
     def _extreme(self, state: _State, reading: tuple[Value, int], quality: int) -> tuple[Value, int]:
         if state.day != self._day:
-            state.day, state.value = self._day, None
+            # a clock that is set back over midnight, and passes it again, finds both days as they were left
+            again = state.other[1] if state.other[0] == self._day else None
+            state.other, state.day, state.value = (state.day, state.value), self._day, again
         value = _number(reading[0])
         if value is not None and not is_bad(quality) and not is_unseen(quality):
             better = min if state.kind == "min_today" else max
@@ -292,6 +298,13 @@ def _in_order(states: list[_State]) -> list[_State]:
             del left[state.point.name]
         ordered += ready
     return ordered
+
+
+def _other(kept: object) -> tuple[str, float | None]:
+    match kept:
+        case [str(day), float(value) | int(value)]:
+            return day, value
+    return "", None
 
 
 def _number(value: object) -> float | None:

@@ -1,5 +1,6 @@
 """Derived points: what they count, when they change, how good they are."""
 
+import json
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -126,6 +127,28 @@ def test_the_day_of_the_clock_change_has_23_hours(plant: Plant) -> None:
     run(derivation, begin + SECOND, current=1.0)
     assert "current_max_today" not in run(derivation, begin + 23 * HOUR - SECOND)
     assert run(derivation, begin + 23 * HOUR)["current_max_today"] == (1.0, GOOD)
+
+
+@pytest.mark.parametrize("restarted", [False, True])
+def test_a_clock_set_back_over_midnight_and_past_it_again_loses_no_extreme(plant: Plant, restarted: bool) -> None:
+    derivation = Derivation(plant)
+
+    def went_on() -> Derivation:
+        if not restarted:
+            return derivation
+        after = Derivation(plant)
+        after.restore(json.loads(json.dumps(derivation.retained())))
+        return after
+
+    midnight = to_micros(datetime(2026, 3, 9, 23, 0, tzinfo=UTC))  # in Zagreb
+    run(derivation, midnight - 60 * SECOND, current=9.0)
+    run(derivation, midnight - 50 * SECOND, current=2.0)
+    assert run(derivation, midnight + SECOND, current=4.0)["current_max_today"] == (4.0, GOOD)
+    derivation = went_on()
+    assert run(derivation, midnight - 30 * SECOND, current=3.0)["current_max_today"] == (9.0, GOOD)
+    derivation = went_on()
+    assert run(derivation, midnight + 2 * SECOND, current=1.0)["current_max_today"] == (4.0, GOOD)
+    assert run(derivation, midnight + 25 * HOUR, current=1.5)["current_max_today"] == (1.5, GOOD)
 
 
 def test_an_extreme_lives_through_lost_communication_and_says_so(plant: Plant) -> None:
