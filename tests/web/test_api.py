@@ -4,18 +4,23 @@ import html
 import re
 import shlex
 from collections.abc import Iterator
-from datetime import datetime, timedelta
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 import orjson
 import pytest
+from sqlalchemy import Connection
 
-from app.clock import to_datetime
+from app.clock import to_datetime, to_micros
+from app.historian import store
 from app.plant.plant_files.languages import LOCALE
 from app.plant.texts import read_product
+from app.runtime import Runtime
 from app.settings import Settings
+from app.tags.quality import GOOD
 from app.web.api.description import ERRORS, described
 from app.web.api_page import _body, _parameters
 from app.web.guard import permissions
@@ -180,6 +185,24 @@ def test_what_is_wrong_with_an_order_is_named(
     assert answer.status_code == status, answer.text
     fault = answer.json()["fields"][0]
     assert (fault["field"], fault["value"]) == (field, value) and fault["expected"]
+
+
+def test_history_outlives_the_tag_in_the_plant(staff: Staff) -> None:
+    runtime: Runtime = staff.client.app.state.runtime  # type: ignore[attr-defined]
+    gone = replace(runtime.points["m1.speed"], id="m0.speed", name="m0.speed")
+    begin = to_micros(datetime(2026, 3, 9, 6, 0, tzinfo=UTC))
+
+    def fill(connection: Connection) -> None:
+        number = store.register(connection, [gone])["m0.speed"]
+        rows = [(number, begin + i * 1_000_000, 100.0 + i, None, GOOD) for i in range(60)]
+        store.append(connection, rows, begin, begin + 60_000_000)
+
+    staff.wait(runtime.history.write, fill)
+    asked = {"from": "2026-03-09T06:00:00Z", "to": "2026-03-09T06:01:00Z"}
+    (series,) = Program(staff, "view").get("/history", tags="m0.speed", **asked).json()
+    assert (series["tag"], series["unit"], max(series["high"])) == ("m0.speed", "rpm", 159.0)
+    whole = Program(staff, "export").get("/history/m0.speed/raw", **asked).json()
+    assert [one["value"] for one in whole["samples"]] == [100.0 + i for i in range(60)]
 
 
 @pytest.mark.sweep(8)

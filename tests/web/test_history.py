@@ -3,6 +3,7 @@
 import hashlib
 import html
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import accumulate
 from pathlib import Path
@@ -19,6 +20,7 @@ from app.historian.export import verify_export
 from app.runtime import Runtime
 from app.tags.quality import COMM_FAILURE, GOOD, Origin
 from app.web import history
+from app.web.guard import permission_of_point
 from tests.virtual import pass_time
 from tests.web.people import Staff
 
@@ -101,6 +103,30 @@ def test_an_answer_says_everything_once_and_unpacks_to_what_was_asked(staff: Sta
             assert {name: unpacked(series)[name] for name in wanted} == wanted
             if width == 4000 and tag == "m1.speed":
                 assert len(answer.content) < 0.5 * len(orjson.dumps(wanted))
+
+
+def test_what_only_the_history_knows_is_read_with_the_right_to_its_page(staff: Staff) -> None:
+    """Points of a link that is gone, and a point by the lasting id that it has from a former name."""
+    runtime = runtime_of(staff.client)
+    point = next(one for one in runtime.points.values() if permission_of_point(one) == "diagnose")
+    staff.wait(
+        runtime.history.write,
+        lambda connection: store.register(
+            connection,
+            [replace(point, id="sys.old.polls", name="sys.old.polls"), replace(point, id="m0.gone", name="m0.gone")],
+        ),
+    )
+    kept = runtime.points[point.name]
+    runtime.points[point.name] = replace(kept, id="old.name")
+    try:
+        staff.have()
+        ask(staff.client, "series", tags="m0.gone")
+        ask(staff.client, "series", tags="sys.old.polls", status=403)
+        ask(staff.client, "series", tags="old.name", status=403)
+    finally:
+        runtime.points[point.name] = kept
+    staff.enter("eva", "engineer")
+    ask(staff.client, "series", tags="sys.old.polls")
 
 
 def test_live_values_become_history_at_once(staff: Staff) -> None:

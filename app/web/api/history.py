@@ -1,7 +1,8 @@
 """History for programs: columns as a screen needs them, and every stored sample."""
 
+from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from fastapi import APIRouter, Query, Request
 from pydantic import BaseModel, Field
@@ -9,13 +10,15 @@ from sqlalchemy import Connection
 
 from app.clock import to_datetime
 from app.historian import query
-from app.plant.definitions import Point
 from app.tags import quality as q
-from app.web.api.lookup import Moment, declared, point_of, range_of, runtime_of
+from app.web.api.lookup import Moment, declared, range_of, runtime_of
 from app.web.api.plant import origins
 from app.web.errors import Wrong
 from app.web.guard import allow, check_points
 from app.web.history import read
+
+if TYPE_CHECKING:
+    from app.runtime import Runtime
 
 router = APIRouter(prefix="/api/v1")
 
@@ -69,14 +72,15 @@ async def history(
 ) -> list[SeriesOut]:
     """Series as a screen needs them: no spike is lost, whatever the width."""
     runtime = runtime_of(request)
-    points = [point_of(runtime, name.strip(), "query.tags") for name in tags.split(",") if name.strip()]
-    check_points(request, [point.name for point in points])
-    if not 1 <= len(points) <= MOST_SERIES:
+    names = [name.strip() for name in tags.split(",") if name.strip()]
+    check_points(request, names)
+    if not 1 <= len(names) <= MOST_SERIES:
         raise Wrong("query.tags", tags, f"1 to {MOST_SERIES} tags, comma separated")
     first, last = range_of(request, begin, end)
 
     def work(connection: Connection) -> list[SeriesOut]:
-        return [_series(connection, point, first, last, width) for point in points]
+        found = [_traced(connection, runtime, name, "query.tags") for name in names]
+        return [_series(connection, one, first, last, width) for one in found]
 
     return await read(runtime, work)
 
@@ -91,18 +95,18 @@ async def raw(
 ) -> RawOut:
     """Every stored sample, a page at a time."""
     runtime = runtime_of(request)
-    point = point_of(runtime, name)
     check_points(request, [name])
     first, last = range_of(request, begin, end)
 
-    def work(connection: Connection) -> list[tuple[int, float | str | None, int]]:
-        known = query.find(connection, point.id)
-        return query.page(connection, known.number, first - 1, last, limit + 1) if known else []
+    def work(connection: Connection) -> tuple[_Traced, list[tuple[int, float | str | None, int]]]:
+        found = _traced(connection, runtime, name, "path.name")
+        number = found.number
+        return found, [] if number is None else query.page(connection, number, first - 1, last, limit + 1)
 
-    rows = await read(runtime, work)
+    found, rows = await read(runtime, work)
     return RawOut(
         tag=name,
-        unit=point.unit,
+        unit=found.unit,
         samples=[
             SampleOut(time=to_datetime(t), value=value, quality=q.name(word), origin=origins(word))
             for t, value, word in rows[:limit]
@@ -111,12 +115,36 @@ async def raw(
     )
 
 
-def _series(connection: Connection, point: Point, begin: int, end: int, width: int) -> SeriesOut:
-    known = query.find(connection, point.id)
-    found = query.columns(connection, known.number, begin, end, width) if known else query.Columns()
+@dataclass(frozen=True, slots=True)
+class _Traced:
+    """A tag with its history."""
+
+    name: str
+    unit: str
+    number: int | None
+    """In the history; None: nothing was recorded of it."""
+
+
+def _traced(connection: Connection, runtime: "Runtime", name: str, field: str) -> _Traced:
+    """The tag `name`, also one that the plant has no more; `field` is where the request names it.
+
+    Raises:
+        Wrong: 404, neither the plant nor its history knows it.
+    """
+    point = runtime.points.get(name)
+    known = query.find(connection, point.id if point else name)
+    if point is None and known is None:
+        raise Wrong(field, name, "a tag of the plant, or one that it had", 404)
+    unit = point.unit if point else known.unit if known else ""
+    return _Traced(name, unit, known.number if known else None)
+
+
+def _series(connection: Connection, traced: _Traced, begin: int, end: int, width: int) -> SeriesOut:
+    number = traced.number
+    found = query.Columns() if number is None else query.columns(connection, number, begin, end, width)
     return SeriesOut(
-        tag=point.name,
-        unit=point.unit,
+        tag=traced.name,
+        unit=traced.unit,
         source=found.source,
         step=found.step / 1e6,
         time=[to_datetime(t) for t in found.time],
