@@ -48,6 +48,8 @@ PAGE_SIZE = {"pogon": 4096, "history": 1024}
 """Of a new file [bytes]. A commit writes every page that it touches as a whole, and samples lie by point: two rows a second on each of a
 thousand points touch a thousand pages."""
 READERS = 2
+LONG_READERS = 2
+"""For what may take seconds: every request waits for its session to be read, a Stop too."""
 BUSY_TIMEOUT = 5.0
 """How long a statement waits for another process that holds the file [s]."""
 MENDING_TIMEOUT = 10.0
@@ -67,6 +69,7 @@ class Database:
         self.engine = _engine(path, PRAGMAS[name], open_to_read if as_it_lies else _connect)
         self._writer = threads(1, f"{name}-writer")
         self._readers = threads(READERS, f"{name}-reader")
+        self._long_readers = threads(LONG_READERS, f"{name}-long-reader")
         self._file: OpenFile | None = None
         self._lost: Loss | None = None
         self._held: sqlite3.Connection | None = None
@@ -138,6 +141,10 @@ class Database:
         """
         return await asyncio.get_running_loop().run_in_executor(self._readers, self._run, work)
 
+    async def read_long(self, work: Callable[[Connection], T]) -> T:
+        """As `read`, for a `work` that reads much of a table: nobody whose `read` is short waits for it."""
+        return await asyncio.get_running_loop().run_in_executor(self._long_readers, self._run, work)
+
     def run(self, work: Callable[[Connection], T]) -> T:
         """As `write`, on the caller's thread: for the command line and for tests."""
         return self._run(work)
@@ -146,6 +153,7 @@ class Database:
         """Finish what is queued and close the file."""
         self._writer.shutdown(wait=True)
         self._readers.shutdown(wait=True)
+        self._long_readers.shutdown(wait=True)
         self._let_go()
 
     def _run(self, work: Callable[[Connection], T]) -> T:

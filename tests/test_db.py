@@ -1,9 +1,11 @@
 """The databases: the newest schema is recognised without Alembic, and any other is left to it."""
 
+import asyncio
 import shutil
 import sqlite3
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -14,7 +16,7 @@ from alembic import command
 from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, event
 
-from app.db import PAGE_SIZE, Database, _heads, alembic_config
+from app.db import LONG_READERS, PAGE_SIZE, Database, _heads, alembic_config
 from app.errors import StorageError
 from tests.conftest import ROOT
 from tests.virtual import inline
@@ -196,3 +198,21 @@ def _closed(connection: sqlite3.Connection) -> bool:
     except sqlite3.ProgrammingError:
         return True
     return False
+
+
+@pytest.mark.real_time  # threads that wait for one another
+async def test_who_reads_little_does_not_wait_for_those_who_read_much(tmp_path: Path) -> None:
+    """Many who ask for much at once: a session is found all the same, and so a Stop goes on."""
+    database = Database(tmp_path / "pogon.db", "pogon")
+    database.migrate()
+    goes_on = threading.Event()
+    many = [asyncio.ensure_future(database.read_long(lambda _: goes_on.wait(30))) for _ in range(3 * LONG_READERS)]
+    await asyncio.sleep(0)
+    try:
+        async with asyncio.timeout(10):
+            assert await database.read(lambda connection: connection.exec_driver_sql("SELECT 1").scalar()) == 1
+        assert not any(one.done() for one in many)
+    finally:
+        goes_on.set()
+        await asyncio.gather(*many)
+        database.close()

@@ -186,7 +186,7 @@ class JournalQueue:
 
     async def verify(self) -> Verdict:
         """Walk the chain of the journal."""
-        return await self._db.read(lambda connection: journal.verify(connection, self._key))
+        return await self._db.read_long(lambda connection: journal.verify(connection, self._key))
 
     def _turn(self, *, healthy: bool) -> None:
         self.healthy = healthy

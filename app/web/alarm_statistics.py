@@ -1,5 +1,6 @@
 """How well the alarms serve the operator: the figures of app/alarms/statistics.py on a page and as CSV, each with its limit."""
 
+import asyncio
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -32,6 +33,8 @@ SPANS = {"shift": 8 * HOUR, "day": DAY, "week": 7 * DAY, "month": 30 * DAY, "qua
 """Periods that end now [µs]; text `alarm.stats.span.<key>`."""
 LONGEST = 366 * DAY
 """A period is no longer [µs]."""
+LONGEST_WAIT = 10.0
+"""For the figures that somebody else asked for [s]; then they are asked to come later."""
 POSITIONS = range(1, 10)
 ROWS = 10
 """Lines of each list on the page; the CSV has them all."""
@@ -155,7 +158,25 @@ async def _read(request: Request, asked: Asked) -> Answered:
         return Answered(found, journal.newest(connection, _alarms(found))) if found else Answered(None)
 
     view: View = request.app.state.view
-    return await view.runtime(request).db.read(work)
+    place = _place(request)
+    try:
+        async with asyncio.timeout(LONGEST_WAIT):
+            await place.acquire()
+    except TimeoutError:
+        raise Refused("error.unavailable", 503) from None
+    try:
+        return await view.runtime(request).db.read_long(work)
+    finally:
+        place.release()
+
+
+def _place(request: Request) -> asyncio.Lock:
+    """Held while the figures of somebody are counted: what other pages read of the journal goes on beside it."""
+    state = request.app.state
+    if not hasattr(state, "alarm_statistics"):
+        state.alarm_statistics = asyncio.Lock()
+    found: asyncio.Lock = state.alarm_statistics
+    return found
 
 
 def _alarms(found: Figures) -> set[str]:

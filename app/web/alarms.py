@@ -271,7 +271,7 @@ async def _detail(request: Request, one: ListedAlarm) -> dict[str, Any]:
         since = draw.now - 30 * DAY
         return journal.occurrences(connection, one.id), journal.annunciations(connection, since, one.id)
 
-    past, times = await runtime.db.read(work)
+    past, times = await runtime.db.read_long(work)
     response = draw.optional(one, one.response)
     return {
         "row": draw.row(one),
@@ -436,8 +436,8 @@ async def summary(request: Request, area: str = "") -> Response:
 async def _journal(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
     runtime = _view(request).runtime(request)
     filter = _filter(request, wanted)
-    found = await runtime.db.read(lambda connection: journal.find(connection, filter, JOURNAL_PAGE + 1))
-    count = await runtime.db.read(lambda connection: journal.count(connection, replace(filter, before=None)))
+    found = await runtime.db.read_long(lambda connection: journal.find(connection, filter, JOURNAL_PAGE + 1))
+    count = await runtime.db.read_long(lambda connection: journal.count(connection, replace(filter, before=None)))
     query = {name: value for name, value in wanted.items() if value and name not in ("before", "page")}
     draw, text = drawing(request), _view(request).text
     plant = runtime.plant

@@ -177,7 +177,7 @@ async def alarm_markers(request: Request) -> Response:
             )
         ]
 
-    found = sorted(await runtime.db.read(work), key=lambda record: -record.time)[:MOST_MARKS]
+    found = sorted(await runtime.db.read_long(work), key=lambda record: -record.time)[:MOST_MARKS]
     marks = [
         Mark(one.time, one.priority, fmt.date_time(one.time, zone, lang, now), one.equipment, draw.recorded(one))
         for one in found

@@ -141,3 +141,16 @@ def test_a_period_that_is_none_is_told_in_the_words_of_the_form(hall: Hall, lang
         and "366" in answer.text
         and "until" not in answer.text.split("<main")[-1].split("</main")[0]
     )
+
+
+def test_while_figures_are_counted_those_who_want_others_are_asked_to_come_later(hall: Hall) -> None:
+    hall.staff.have()
+    assert hall.client.get(PAGE).status_code == 200
+    place = hall.client.app.state.alarm_statistics  # type: ignore[attr-defined]
+    hall.staff.wait(place.acquire)
+    try:
+        assert hall.client.get(PAGE).status_code == 503
+    finally:
+        place.release()
+    assert hall.client.get(PAGE).status_code == 200
+    assert not place.locked()

@@ -237,7 +237,7 @@ class Audit:
         Raises:
             StorageError: the database cannot be read.
         """
-        self.verdict = await self._db.read(self._verified)
+        self.verdict = await self._db.read_long(self._verified)
         if not self.verdict.ok:
             log.error("audit chain broken seq=%s why=%s", self.verdict.bad, self.verdict.why)
         await self.record(
@@ -279,15 +279,15 @@ class Audit:
 
     async def find(self, wanted: Filter, limit: int = 50) -> list[Record]:
         """The newest `limit` lines that `wanted` lets through, newest first."""
-        return await self._db.read(lambda connection: search.find(connection, wanted, limit))
+        return await self._db.read_long(lambda connection: search.find(connection, wanted, limit))
 
     async def kinds(self) -> list[str]:
         """All kinds that occur, sorted."""
-        return await self._db.read(search.kinds)
+        return await self._db.read_long(search.kinds)
 
     async def count(self) -> int:
         """Number of lines."""
-        return await self._db.read(search.count)
+        return await self._db.read_long(search.count)
 
 
 def refused_without_audit(audit: Audit) -> None:
