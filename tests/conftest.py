@@ -96,7 +96,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 DEAR = 0.5
 """A test that runs each time and takes longer is named [s]."""
-BROWSERS = 16
+BROWSERS = 24
 """One in so many tests with a browser is drawn: a second of theirs costs what fifty tests without one do."""
 
 
