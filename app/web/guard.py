@@ -8,7 +8,7 @@ it checks the permission, and on unsafe methods where the request comes from and
 
 import logging
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING
 from urllib.parse import quote, urlsplit
 
@@ -284,7 +284,7 @@ def may_read(request: Request, point: Point) -> bool:
     return permitted(request.state.person, permission_of_point(point), simulated=guests_allowed(request.app))
 
 
-def check_points(request: Request, names: Iterable[str]) -> None:
+def check_points(request: Request, names: Collection[str]) -> None:
     """Refuse values that belong to a page which whoever asks may not open; a name that nobody knows is told elsewhere.
 
     The history also knows a point by its lasting id, and points that the plant has no more.
@@ -293,8 +293,10 @@ def check_points(request: Request, names: Iterable[str]) -> None:
         Refused: 403, names the first of them.
     """
     points = request.app.state.runtime.points
+    strange = {*names} - points.keys()
+    former = {point.id: point for point in points.values() if point.id in strange} if strange else {}
     for name in names:
-        point = points.get(name) or next((one for one in points.values() if one.id == name), None)
+        point = points.get(name) or former.get(name)
         if point is None and name.startswith(f"{SYSTEM}."):
             point = Point(name, name, SYSTEM, name.removeprefix(f"{SYSTEM}."), name)
         if point is not None and not may_read(request, point):

@@ -56,6 +56,17 @@ def plant(stations: Stations, tmp_path_factory: pytest.TempPathFactory) -> Itera
         seat.leave()
 
 
+def wrong_at_each_size(page: Page, *checks: str, but_phone: str = "") -> list[str]:
+    """What the `checks` find at each of SCREENS, and the one `but_phone` at each that is none; the page is left at the panel's."""
+    found: list[str] = []
+    for name, size in SCREENS.items():
+        lay_out(page, *size)
+        asked = [*checks, but_phone] if but_phone and name != "phone" else checks
+        found += [f"{name}: {one}" for check in asked for one in page.evaluate(check)]
+    lay_out(page, *SIZES["panel"])
+    return found
+
+
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_figures_of_a_coil_car_at_a_limit_switch_are_whole(plant: Page, lang: str) -> None:
     page, found = plant, []
@@ -85,11 +96,7 @@ def test_stop_stays_free_where_it_stands_while_something_is_asked(plant: Page, m
     expect(asked).not_to_have_attribute("aria-disabled", "true")
     asked.click()
     expect(page.locator("#overlay dialog")).to_be_visible()
-    found: list[str] = []
-    for name, size in SCREENS.items():
-        lay_out(page, *size)
-        found += [f"{name}: {one}" for one in [*page.evaluate(STOP_BESIDE), *page.evaluate(FAULTS)]]
-    lay_out(page, *SIZES["panel"])
+    found = wrong_at_each_size(page, STOP_BESIDE, FAULTS)
     let_go(page)
     assert found == [], "\n".join(["", *found])
 
@@ -106,12 +113,7 @@ def test_an_axis_that_is_led_on_the_spot_has_every_command_above_stop(plant: Pag
     open_page(page, f"{origin(page)}/equipment/a1")
     take(page)
     expect(page.locator(".op-others .said")).to_have_count(4)
-    found: list[str] = []
-    for name, size in SCREENS.items():
-        lay_out(page, *size)
-        wrong = [*page.evaluate(FAULTS), *([] if name == "phone" else page.evaluate(CUT))]
-        found += [f"{name}: {one}" for one in wrong]
-    lay_out(page, *SIZES["panel"])
+    found = wrong_at_each_size(page, FAULTS, but_phone=CUT)
     let_go(page)
     built(page, "a1")
     assert found == [], "\n".join(["", *found])
@@ -133,10 +135,7 @@ def test_what_is_forced_is_whole_everywhere_it_is_told(plant: Page, lang: str) -
     found: list[str] = []
     for path in ("/equipment/seq1", "/forces", "/"):
         open_page(page, origin(page) + path)
-        for name, size in SCREENS.items():
-            lay_out(page, *size)
-            found += [f"{path} {name}: {one}" for one in page.evaluate(FAULTS)]
-    lay_out(page, *SIZES["panel"])
+        found += [f"{path} {one}" for one in wrong_at_each_size(page, FAULTS)]
     open_page(page, f"{origin(page)}/equipment/seq1")
     let_go(page)
     built(page, "seq1")

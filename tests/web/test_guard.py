@@ -1,12 +1,14 @@
 """Who gets in: all routes × all kinds of persons, forms of other sites, forged identities, sockets."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, ValuesView
 from copy import deepcopy
 from functools import cache
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
-from fastapi import APIRouter, FastAPI
+from fastapi import APIRouter, FastAPI, Request
 from sqlalchemy import Connection, delete, insert
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocketDisconnect
@@ -20,8 +22,9 @@ from app.access.tokens import GRANTABLE
 from app.clock import ManualClock
 from app.errors import ConfigurationError, StorageError
 from app.main import create_app
+from app.plant.definitions import Point
 from app.settings import Settings
-from app.web.guard import allow, check_declared, permissions
+from app.web.guard import allow, check_declared, check_points, permissions
 from tests.virtual import house
 from tests.web.people import BOSS, HOST, PASSWORD, Staff
 
@@ -568,3 +571,24 @@ def test_static_files_and_programs_get_no_cookie(staff: Staff) -> None:
     staff.have()
     assert "set-cookie" not in staff.client.get("/favicon.ico").headers
     assert "set-cookie" not in staff.client.get("/healthz").headers
+
+
+@pytest.mark.parametrize("unknown", [0, 1, 1000])
+def test_names_that_nobody_knows_cost_one_look_through_the_points_however_many_they_are(unknown: int) -> None:
+    """Eight thousand, as many as an address holds, beside four thousand points held the loop for half a second and more."""
+    looks = 0
+
+    class Points(dict[str, Point]):
+        def values(self) -> ValuesView[Point]:
+            nonlocal looks
+            looks += 1
+            return super().values()
+
+    state = SimpleNamespace(runtime=SimpleNamespace(points=Points({f"m1.p{i}": point(f"m1.p{i}") for i in range(5)})))
+    asked = SimpleNamespace(app=SimpleNamespace(state=state))
+    check_points(cast(Request, asked), [f"nobody.{i}" for i in range(unknown)])
+    assert looks <= 1
+
+
+def point(name: str) -> Point:
+    return Point(name, name, "m1", name.partition(".")[2], name)
