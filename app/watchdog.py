@@ -9,7 +9,6 @@ import faulthandler
 import logging
 import os
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from threading import Event, Thread
 
@@ -39,9 +38,7 @@ def end_process() -> None:
 class Watchdog:
     """Watches the running loop from a thread of its own, from `start` to `stop`."""
 
-    def __init__(self, bite: Callable[[], None] = end_process) -> None:
-        """`bite` is called once, in the watchdog's thread, when the loop hangs."""
-        self._bite = bite
+    def __init__(self) -> None:
         self._alive = False
         self._silent = 0
         self._stopped = Event()
@@ -71,5 +68,4 @@ class Watchdog:
     def _watch(self) -> None:
         while not self._stopped.wait(PERIOD):
             if self.look():
-                self._bite()
-                return
+                end_process()
