@@ -48,6 +48,7 @@ SCREENS = {
     "sequence": "/equipment/seq1",
     "sequence-faceplate": "/equipment/seq1/faceplate",
     "coil-car": "/equipment/cc1",
+    "axis": "/equipment/a1",
     "coil-car-faceplate": "/equipment/cc1/faceplate",
     "crane": "/equipment/cr1",
     "crane-hoist": "/equipment/cr1/page/hoist",
@@ -271,7 +272,9 @@ def demo(folder: Path) -> Iterator[tuple[str, Path]]:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Photograph every screen into build/pictures.")
-    parser.add_argument("--only", nargs="+", default=[], metavar="SCREEN", help=", ".join(SCREENS))
+    parser.add_argument(
+        "--only", nargs="+", default=[], choices=[*PUBLIC, *SCREENS], metavar="SCREEN", help=", ".join(SCREENS)
+    )
     parser.add_argument("--size", nargs="+", default=SIZES, choices=SIZES)
     parser.add_argument("--theme", nargs="+", default=THEMES, choices=THEMES)
     parser.add_argument("--lang", nargs="+", default=LANGUAGES, choices=("hr", "en", "de", "cs"))

@@ -22,6 +22,7 @@ from tests.browser.station import (
     take,
 )
 from tests.browser.test_layout import SIDEWAYS, WIDEST_COIL_CAR
+from tests.browser.test_layout_alarms import UNTOLD
 
 DESKS = ((1280, 800), (1024, 768), (1366, 768), (1280, 720), (1920, 1080))
 LIMITS = (11, 13)
@@ -98,6 +99,14 @@ def test_stop_stays_free_where_it_stands_while_something_is_asked(plant: Page, m
     expect(page.locator("#overlay dialog")).to_be_visible()
     found = wrong_at_each_size(page, STOP_BESIDE, FAULTS)
     let_go(page)
+    assert found == [], "\n".join(["", *found])
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_an_axis_that_nobody_holds_says_why_it_takes_no_command(plant: Page, lang: str) -> None:
+    speak(plant, lang, origin(plant))
+    open_page(plant, f"{origin(plant)}/equipment/a1")
+    found = wrong_at_each_size(plant, UNTOLD, FAULTS, but_phone=CUT)
     assert found == [], "\n".join(["", *found])
 
 
