@@ -3,6 +3,7 @@
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from app.plant import types
 from tests.browser.looks import FAULTS, LONG, LONGEST, SIZES, looked_at, open_page
 from tests.browser.station import LANGUAGES, lay_out, origin, speak
 
@@ -141,6 +142,28 @@ def test_a_panel_of_ten_inches_shows_all_of_a_page_without_pushing_it_aside(abno
         lay_out(abnormal, *BETWEEN["a panel of ten inches"], "desk")
         open_page(abnormal, origin(abnormal) + path)
         found += [f"{path}: {one}" for one in [*abnormal.evaluate(PUSHED), *abnormal.evaluate(PUSHED, True)]]
+    assert found == [], "\n".join(["", *found])
+
+
+COIL_CAR = types.read_type("coil_car", LANGUAGES)[0].type
+UNDER_WAY = """(words) => { // a coil car drives to a target with the largest coil
+  const [drive] = document.querySelectorAll(".cc-small small[data-show]"), figures = document.querySelectorAll(".cc-small .val b");
+  drive.hidden = false;
+  drive.querySelector(".sp-c").textContent = words;
+  [figures[0].textContent, figures[2].textContent] = ["2\u202f683", "1\u202f300"];
+}"""
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_figures_beside_the_picture_of_a_sequence_are_whole_while_it_moves(abnormal: Page, lang: str) -> None:
+    """The targets of both axes stand there then, and what is done may be a long text."""
+    speak(abnormal, lang, origin(abnormal))
+    found: list[str] = []
+    for size in ((1024, 768), (1280, 800), (1366, 768), (1280, 720)):
+        lay_out(abnormal, *size, "desk")
+        open_page(abnormal, f"{origin(abnormal)}/equipment/seq1")
+        abnormal.evaluate(UNDER_WAY, COIL_CAR.texts[lang]["screen.to"].replace("{}", "1\u202f000"))
+        found += [f"{size}: {one}" for one in [*abnormal.evaluate(PUSHED), *abnormal.evaluate(PUSHED, True)]]
     assert found == [], "\n".join(["", *found])
 
 
