@@ -108,6 +108,12 @@
     if (s.textOverflow === 'ellipsis' && s.overflowX !== 'visible' && e.scrollWidth > e.clientWidth + 1) faults.add('shortened: ' + name(e));
     if (s.webkitLineClamp !== 'none' && e.scrollHeight > e.clientHeight + 2) faults.add('lines left out: ' + name(e));
   }
+  const pen = document.createElement('canvas').getContext('2d');
+  for (const e of visible.filter((one) => one.placeholder && !one.value)) { // what an empty field shows
+    const s = getComputedStyle(e), room = e.clientWidth - parseFloat(s.paddingLeft) - parseFloat(s.paddingRight);
+    pen.font = `${s.fontWeight} ${s.fontSize} ${s.fontFamily}`; // `font` itself is empty where figures have a form of their own
+    if (pen.measureText(e.placeholder).width > room + 1) faults.add('cut off in its field: ' + short(e) + ' "' + e.placeholder + '"');
+  }
   for (const e of visible.filter((one) => one.matches('.op-list, .f-cmd')))
     if (e.scrollWidth > e.clientWidth + 1) faults.add('commands beside their column: ' + name(e));
   const buttons = [...document.querySelectorAll('button, a.btn, a.ib, summary, select, input:not([type=hidden])')].filter(shown);
