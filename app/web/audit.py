@@ -1,5 +1,6 @@
 """The audit on screen and as CSV: who did what, where, from what to what, and whether the chain holds."""
 
+import math
 import re
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import suppress
@@ -278,6 +279,17 @@ def _written(request: Request, params: Mapping[str, str]) -> dict[str, object]:
     return fmt.parameters({**params, **numbers}, language.language_of(request), partial(view_of(request).text, request))
 
 
+def _amount(request: Request, value: str) -> str:
+    """A number that the text of a condition names, as the screen wrote it."""
+    try:
+        number = float(value)
+    except ValueError:
+        return value
+    if not math.isfinite(number):
+        return value
+    return fmt.number(number, fmt.shortest(number, 1), language.language_of(request))
+
+
 def _reason(request: Request, line: Record) -> str:
     """Why it came to this end, filled with what the gate wrote down as `reason_…`; labels are text keys of the machine's type."""
     params = dict(line.parameters)
@@ -286,7 +298,7 @@ def _reason(request: Request, line: Record) -> str:
     runtime = view_of(request).runtime(request)
     item = runtime.plant.equipment.get(line.object.partition(".")[0]) if runtime.plant else None
     if params.get("label"):
-        numbers = {name: value for name, value in params.items() if name != "label"}
+        numbers = {name: _amount(request, value) for name, value in of_reason.items() if name != "label"}
         kind = item.type if item else ""
         params["label"] = runtime.texts.of_former(language.language_of(request), kind, params["label"], **numbers)
     if values := values_of(line.parameters):

@@ -20,6 +20,7 @@ from app.plant.plant_files.languages import LOCALE
 from app.plant.texts import read_product
 from app.runtime import Runtime
 from app.settings import Settings
+from app.sim import training
 from app.tags.quality import GOOD
 from app.web.api.description import ERRORS, described
 from app.web.api_page import _body, _parameters
@@ -230,6 +231,24 @@ def test_history_is_decimated_and_raw_pages_join_without_loss(staff: Staff) -> N
         s["value"] for s in whole if s["value"] is not None
     )
     assert reader.get("/history/m1.current/raw", **{"from": begin, "to": end}).status_code == 403
+
+
+def test_who_is_refused_reads_what_is_missing_with_its_numbers_as_he_writes_them(staff: Staff) -> None:
+    program = Program(staff, "view", "operate")
+    hall: Any = staff.client.app.state.runtime.links["hall"]  # type: ignore[attr-defined]
+    program.headers["Accept-Language"] = "de"
+    program.post("/equipment/m2/control/take")
+    staff.wait(hall.raw_write, 2, training.REG_MACHINE_FAULT, [9])
+    assert until(lambda: program.get("/tags/m2.heatsink_temperature").json()["value"] > 84, 90)
+    program.post("/equipment/m2/control/take")
+    wanted = re.compile(r"Ursache steht noch an: Kühlkörper \d\d(,\d)? °C, Quittieren unter 80 °C")
+    refused = program.order("/equipment/m2/commands/reset", "api-reset-1")
+    assert refused.status_code == 409 and wanted.fullmatch(refused.json()["text"]), refused.json()
+    (reason,) = program.get("/equipment/m2/commands/reset/reasons").json()
+    assert wanted.fullmatch(reason["text"]), reason
+    staff.wait(hall.raw_write, 2, training.REG_RESET, [1])
+    assert until(lambda: program.get("/tags/m2.status").json()["value"] == 0, 30)
+    program.post("/equipment/m2/control/release")
 
 
 @pytest.mark.sweep(8)

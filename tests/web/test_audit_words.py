@@ -46,6 +46,18 @@ def test_the_limits_of_a_refusal_have_the_sign_of_the_language(staff: Staff, lan
     assert f"0{mark}5 " in cells[7] and f"47{mark}25 Hz" in cells[7]
 
 
+@pytest.mark.parametrize(
+    ("lang", "number", "said"),
+    [("hr", 81.5, " 81,5 °C"), ("de", 85.0, " 85 °C"), ("en", 81.5, " 81.5 °C"), ("cs", 9.0, " 9 °C")],
+)
+def test_the_numbers_of_a_missing_condition_have_the_sign_of_the_language(
+    staff: Staff, lang: str, number: float, said: str
+) -> None:
+    why = {"reason_label": "missing.permissive.cooled", "reason_temperature": number}
+    cells = written(staff, lang, "command", None, "m2.reset", "", "", "refused", reason="why.condition", **why)
+    assert said in cells[7]
+
+
 @pytest.mark.sweep(8)
 @pytest.mark.parametrize("typed", ["NaN", "nan", "inf", "-Infinity", "9" * 400, "1_000", "1e1", "٣٨"])
 def test_what_was_typed_and_is_no_number_stays_as_it_was_typed(staff: Staff, typed: str) -> None:

@@ -1,5 +1,7 @@
 """Commands and setpoints for programs, through the same gate and the same roles as a person's."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from typing import Annotated, Any
 
@@ -14,10 +16,10 @@ from app.commands.value_set import MOST
 from app.errors import Refused
 from app.plant.definitions import Equipment
 from app.plant.type_files.arguments import MOST_ARGUMENTS
-from app.web.api.lookup import declared, gate_of, item_of, one_of, runtime_of
+from app.web.api.lookup import declared, gate_of, item_of, one_of
 from app.web.errors import Wrong
 from app.web.guard import address_of, allow, person_of, shown_name
-from app.web.language import language_of
+from app.web.operation import Operation
 
 router = APIRouter(prefix="/api/v1")
 
@@ -160,12 +162,12 @@ async def reasons(request: Request, key: str, command: str) -> list[ReasonOut]:
     """Why this command is not possible now, the first missing one first; empty when it is."""
     item = item_of(request, key)
     one_of("path.command", command, [*item.type.commands, *item.type.setpoints])
-    runtime, lang = runtime_of(request), language_of(request)
+    words = Operation(request, item).words
     return [
         ReasonOut(
             key=one.key,
             params={name: str(value) for name, value in params.items()},
-            text=runtime.texts.of_type(lang, item.type, one.label or one.key, **params),
+            text=words.text(one.key, params, one.label),
         )
         for one in gate_of(request).why_not(request.state.person, item.id, command)
         for params in [
@@ -201,9 +203,10 @@ async def setpoint(request: Request, key: str, setpoint: str, order: CommandIn) 
         raise Wrong("body.value", order.value, "a number")
     if order.arguments:
         raise Wrong("body.arguments", order.arguments, "none: a setpoint has one value")
-    progress = await gate_of(request).set_value(
-        person_of(request), item.id, setpoint, order.value, **_given(request, order)
-    )
+    with _in_words(request, item):
+        progress = await gate_of(request).set_value(
+            person_of(request), item.id, setpoint, order.value, **_given(request, order)
+        )
     return _progress(progress)
 
 
@@ -213,17 +216,18 @@ async def setpoints(request: Request, key: str, order: SetIn) -> CommandOut:
     item = item_of(request, key)
     for name in order.values:
         one_of("body.values", name, item.type.setpoints)
-    progress = await gate_of(request).set_values(
-        person_of(request),
-        item.id,
-        order.values,
-        seen=order.expected,
-        id=order.id,
-        nonce=order.nonce,
-        confirmed=order.confirmed,
-        reason=order.reason,
-        address=address_of(request.scope),
-    )
+    with _in_words(request, item):
+        progress = await gate_of(request).set_values(
+            person_of(request),
+            item.id,
+            order.values,
+            seen=order.expected,
+            id=order.id,
+            nonce=order.nonce,
+            confirmed=order.confirmed,
+            reason=order.reason,
+            address=address_of(request.scope),
+        )
     return _progress(progress)
 
 
@@ -240,11 +244,18 @@ async def commands(request: Request, key: str) -> list[CommandOut]:
 
 async def _ask(request: Request, item: Equipment, command: str, order: CommandIn) -> CommandOut:
     given = _given(request, order) | {"argument": order.value, "arguments": order.arguments}
-    try:
+    with _in_words(request, item):
         return _progress(await gate_of(request).ask(person_of(request), item.id, command, **given))
+
+
+@contextmanager
+def _in_words(request: Request, item: Equipment) -> Iterator[None]:
+    """Who is refused reads what is missing by the name that it has at this machine, with its numbers."""
+    try:
+        yield
     except Refused as error:
         if label := error.params.get("label"):
-            error.params["label"] = runtime_of(request).texts.of_type(language_of(request), item.type, str(label))
+            error.params["label"] = Operation(request, item).words.told(str(label), error.params)
         raise
 
 
