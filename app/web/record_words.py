@@ -99,7 +99,9 @@ class RecordWords:
             case Type.WORD:
                 return self.text(f"{name}.{value}") if value else ""
             case Type.NAME:
-                return self.label(definition.labels.get(str(value), {})) or str(value or "")
+                told = self.label(definition.labels.get(str(value), {})) or str(value or "")
+                missing = f"missing.{name}"
+                return self.text(missing, name=told) if told and self._says(missing) else told
             case Type.PART:
                 if not value:
                     return ""
@@ -114,6 +116,10 @@ class RecordWords:
         if field.unit == "s":
             return fmt.duration(value, self.lang)
         return fmt.quantity(value, field.decimals, field.unit, self.lang)
+
+    def _says(self, key: str) -> bool:
+        """Whether the type has the text: what a field names is called by its good state, and stood in the way."""
+        return self.type is not None and self.runtime.texts.has(self.lang, f"record.{self.kind.name}.{key}", self.type)
 
     def outcome(self, one: Record) -> str:
         """What became of a record; one whose time is over has ended, although nothing told it."""

@@ -219,6 +219,18 @@ def test_a_run_tells_what_fell_who_forced_and_how_long_it_was_suspended(staff: S
     staff.client.cookies.delete("pogon_lang")
 
 
+@pytest.mark.parametrize(
+    ("lang", "said"), [("en", "Missing: "), ("hr", "Nedostaje: "), ("de", "Fehlt: "), ("cs", "Chybí: ")]
+)
+def test_what_stopped_a_run_is_called_missing_and_not_by_its_good_state(staff: Staff, lang: str, said: str) -> None:
+    staff.enter("ana", "viewer")
+    staff.client.cookies.set("pogon_lang", lang)
+    one = next(run for run in found(staff, "run", equipment="seq1") if run.fields.get("first_out"))
+    for path in ("list", f"detail/{one.id}"):
+        assert f">{said}" in get(staff, f"/records/run/{path}").text, path
+    staff.client.cookies.delete("pogon_lang")
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_one_that_is_not_there_is_not_found(staff: Staff, kind: str) -> None:
     staff.enter("ana", "viewer")
