@@ -5,6 +5,7 @@ sides are read from their drives first; what differs goes into the list of the p
 a comparison is the dry run of an import.
 """
 
+import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -100,6 +101,7 @@ class Row:
 async def export_csv(request: Request, key: str) -> Response:
     """What was read of the drive, as CSV."""
     operation = operation_of(request, key)
+    await _read_what_was_written(request, operation)
     text = csv_text(_told(request, operation), _codes(operation), defused)
     return _file(operation, "\ufeff" + text, "csv", "text/csv; charset=utf-8")
 
@@ -108,9 +110,35 @@ async def export_csv(request: Request, key: str) -> Response:
 async def export_json(request: Request, key: str) -> Response:
     """The same as JSON."""
     operation = operation_of(request, key)
+    await _read_what_was_written(request, operation)
     kind = operation.equipment.equipment.type.name
     text = json_text(_told(request, operation), _codes(operation), kind, operation.id)
     return _file(operation, text, "json", "application/json")
+
+
+async def _read_what_was_written(request: Request, operation: Operation) -> None:
+    """What was read before it was written is read again: a file without it would look whole.
+
+    Raises:
+        Refused: 503, the drive does not tell.
+    """
+    kind, machine = operation.equipment.equipment.type, machine_of(request.app, operation)
+    if machine.reading is not None and machine.reading.task is not None:
+        await asyncio.wait([machine.reading.task])
+    old = [
+        (place[0], parameter)
+        for place, written in drive_of(request, operation).written.items()
+        if (found := machine.found.get(place)) is not None
+        and (found.time < written or not isinstance(found.outcome, Values))
+        if (parameter := parameter_of(kind, place[1])) is not None
+    ]
+    if not old:
+        return
+    machine.reading = reading = begin_reading(operation, machine, lambda: old)
+    assert reading.task is not None
+    await asyncio.wait([reading.task])
+    if reading.problem:
+        raise Refused(reading.problem, 503, **reading.params)
 
 
 def _file(operation: Operation, text: str, ending: str, media: str) -> Response:

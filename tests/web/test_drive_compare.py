@@ -13,6 +13,8 @@ from fastapi.testclient import TestClient
 from app import bundled
 from app.plant.plant_files.languages import LANGUAGES
 from app.settings import Settings
+from app.sim.sinamics.mailbox import MailboxFault
+from app.sim.sinamics.training import REG_MAILBOX
 from tests.virtual import house, pass_time
 from tests.web.people import Staff
 
@@ -87,6 +89,34 @@ def test_what_was_read_goes_home_as_csv_and_json_and_comes_back_without_a_differ
         found = elements(client, "all")
         assert len(found) == len(rows) and set(found.values()) == {"yes"}, found
         assert not elements(client)
+
+
+@pytest.mark.parametrize("kind", ["csv", "json"])
+def test_what_was_written_since_it_was_read_goes_home_too(people: Staff, client: TestClient, kind: str) -> None:
+    read(people, "p112")
+    whole = client.get(f"{PATH}/export.{kind}").text
+    (drive,) = client.app.state.drive_writing.values()  # type: ignore[attr-defined]
+    pass_time(2)
+    now = client.app.state.runtime.clock.micros()  # type: ignore[attr-defined]
+    drive.written[2, "p1120"] = now
+    again = client.get(f"{PATH}/export.{kind}").text
+    assert again.count("p1120") == whole.count("p1120") > 0
+    assert again.count("\n") == whole.count("\n") and again != whole, "read anew"
+
+
+def test_a_file_without_what_was_written_does_not_go_home(people: Staff, client: TestClient) -> None:
+    read(people, "p112")
+    assert client.get(f"{PATH}/export.csv").status_code == 200
+    (drive,) = client.app.state.drive_writing.values()  # type: ignore[attr-defined]
+    device = client.app.state.runtime.sim.devices["d1"]  # type: ignore[attr-defined]
+    device.write(6, REG_MAILBOX, [MailboxFault.NEVER])
+    pass_time(2)
+    drive.written[2, "p1120"] = client.app.state.runtime.clock.micros()  # type: ignore[attr-defined]
+    answer = client.get(f"{PATH}/export.csv")
+    assert answer.status_code == 503 and "No answer from the device" in words(answer.text)
+    device.write(6, REG_MAILBOX, [0])
+    pass_time(30)
+    assert "p1120" in client.get(f"{PATH}/export.csv").text
 
 
 @pytest.mark.sweep(8)
