@@ -80,6 +80,7 @@ SYSTEM_ALARMS: Mapping[str, SystemAlarm] = {
     "history_quota": SystemAlarm(4),
     "history_lost": SystemAlarm(2, once=True),
     "database_restored": SystemAlarm(2, once=True),
+    "database_shortened": SystemAlarm(2, once=True),
     "database_lost": SystemAlarm(1),
     "task_down": SystemAlarm(2, on_delay=1.0, off_delay=2.0),
     "link_down": SystemAlarm(2, on_delay=5.0, off_delay=5.0, alarm_class="comm"),
