@@ -316,15 +316,15 @@ class Database(HeldFile):
         return self._writer.submit(self._write, work)
 
     async def read(self, work: Callable[[Connection], T]) -> T:
-        """Run `work` on a reader thread.
+        """Run `work` on a reader thread, twice when its journal was damaged meanwhile.
 
         Raises:
             StorageError: the database cannot be read.
         """
-        return await asyncio.get_running_loop().run_in_executor(self._readers, self._run, work)
+        return await asyncio.get_running_loop().run_in_executor(self._readers, self._read, work)
 
     async def read_long(self, work: Callable[[Connection], T]) -> T:
-        """As `read`, for a `work` that reads much of a table: nobody whose `read` is short waits for it."""
+        """As `read`, for a `work` that reads much of a table, once: nobody whose `read` is short waits for it."""
         return await asyncio.get_running_loop().run_in_executor(self._long_readers, self._run, work)
 
     def run(self, work: Callable[[Connection], T]) -> T:
@@ -352,12 +352,28 @@ class Database(HeldFile):
             raise StorageError(f"{self.path.name}: {getattr(error, 'orig', None) or error}") from error
 
     def _write(self, work: Callable[[Connection], T]) -> T:
-        if self._file is not None and self._file.journal.damaged():  # or it would go on behind the damage
-            incident = self._mend()
-            if incident is not None and incident.mended is Mended.NOTHING:
-                raise StorageError(f"{self.path.name}: {incident.reason}")
-            self._incidents += [incident] if incident else []
+        self._mend_journal()  # or it would go on behind the damage
         return self._run(work)
+
+    def _read(self, work: Callable[[Connection], T]) -> T:
+        try:
+            return self._run(work)
+        except StorageError:
+            if self._file is None or not self._file.journal.damaged():
+                raise
+        try:
+            self._writer.submit(self._mend_journal).result(MENDING_TIMEOUT)
+        except TimeoutError as error:
+            raise StorageError(f"{self.path.name}: its journal is damaged, and it is being written") from error
+        return self._run(work)
+
+    def _mend_journal(self) -> None:
+        if self._file is None or not self._file.journal.damaged():
+            return
+        incident = self._mend()
+        if incident is not None and incident.mended is Mended.NOTHING:
+            raise StorageError(f"{self.path.name}: {incident.reason}")
+        self._incidents += [incident] if incident else []
 
     @property
     def _bus_errors(self) -> int:
