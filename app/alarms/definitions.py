@@ -84,6 +84,7 @@ SYSTEM_ALARMS: Mapping[str, SystemAlarm] = {
     "database_lost": SystemAlarm(1),
     "task_down": SystemAlarm(2, on_delay=1.0, off_delay=2.0),
     "link_down": SystemAlarm(2, on_delay=5.0, off_delay=5.0, alarm_class="comm"),
+    "connection_closed": SystemAlarm(3, alarm_class="comm"),
     "program_halted": SystemAlarm(2, off_delay=1.0, alarm_class="comm"),
     "device_restarts": SystemAlarm(2, alarm_class="comm"),
     "events_lost": SystemAlarm(3, once=True, alarm_class="comm"),

@@ -25,7 +25,7 @@ SIMULATION_SLOW = 0.9
 
 
 def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, RegisterLink]) -> None:
-    """Links that are down; machines whose events are only here, whose program stands still, or whose PLC restarts again and again."""
+    """Links that are down or closed by a device; machines whose events are only here, whose program stands still or restarts."""
     tell = alarms.system.report
     for name, link in links.items():
         tell(
@@ -33,6 +33,8 @@ def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, 
             active=link.statistics.state not in (LinkState.UP, LinkState.SOME_SILENT),
             params={"link": name},
         )
+        closed = any(station.refuses_by_closing for station in link.stations.values())
+        tell("connection_closed", active=closed, params={"link": name})
     for item in plant.equipment.values() if plant else ():
         link_of = links.get(item.link)
         count = link_of.only_here(item.id) if link_of else 0

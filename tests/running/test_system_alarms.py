@@ -25,12 +25,14 @@ class Alarms:
         return {key for (key, _), active in self.active.items() if active}
 
 
-def link(state: LinkState, only_here: int = 0, halted: bool = False, plc: Any = None) -> Any:
+def link(state: LinkState, only_here: int = 0, halted: bool = False, plc: Any = None, closed: bool = False) -> Any:
     return SimpleNamespace(
         statistics=SimpleNamespace(state=state),
         only_here=lambda _: only_here,
         halted=lambda _: halted,
-        stations={1: SimpleNamespace(equipment=[PLANT.equipment["c1"]], service=lambda _: plc)},
+        stations={
+            1: SimpleNamespace(equipment=[PLANT.equipment["c1"]], service=lambda _: plc, refuses_by_closing=closed)
+        },
     )
 
 
@@ -50,6 +52,13 @@ def test_events_only_here_and_a_halted_program_are_told_of_their_machine(only_he
     tell_of_links(alarms, PLANT, {"hall": link(LinkState.UP, only_here, halted)})
     assert alarms.active["events_unstored", "c1"] is (only_here > 0)
     assert alarms.active["program_halted", "c1"] is halted
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_device_that_closes_the_connection_at_a_register_is_told(closed: bool) -> None:
+    alarms: Any = Alarms()
+    tell_of_links(alarms, PLANT, {"hall": link(LinkState.UP, closed=closed)})
+    assert ("connection_closed" in alarms.told()) is closed
 
 
 @pytest.mark.parametrize("restarts", [True, False])
