@@ -8,6 +8,7 @@ import asyncio
 import logging
 import os
 import re
+import runpy
 import shutil
 import sqlite3
 import threading
@@ -274,11 +275,12 @@ class Database(HeldFile):
             if self._file is None and self.path.exists() and self.path.stat().st_size and not starts_well(self.path):
                 raise _rubbish()  # before SQLite sees it, which removes a journal beside it that is none of its own
             if not self._is_newest():
-                from alembic import command  # a quarter of the time of a start, and rarely needed
-
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 self._create()
-                command.upgrade(alembic_config(self.name, f"sqlite:///{self.path}"), "head")
+                if not _fill(self.path, self.name):
+                    from alembic import command  # takes time and 12 MB for good, and is rarely needed
+
+                    command.upgrade(alembic_config(self.name, f"sqlite:///{self.path}"), "head")
             self._hold()
         except Exception as error:
             if self.name == "history" and self._file is None and _is_rubbish(error):
@@ -552,6 +554,21 @@ def in_one(url: str) -> Iterator[Connection]:
         engine.dispose()
 
 
+def _fill(path: Path, name: str) -> bool:
+    """Make all tables of the newest revision at once, if the file has none; tests compare them with what the migrations make."""
+    runpy.run_path(str(bundled("migrations") / name / "tables.py"))
+    with in_one(f"sqlite:///{path}") as connection:
+        if connection.exec_driver_sql("SELECT count(*) FROM sqlite_master").scalar():
+            return False
+        (pogon_tables if name == "pogon" else history_tables).create_all(connection)
+        connection.exec_driver_sql(
+            "CREATE TABLE alembic_version (version_num VARCHAR(32) NOT NULL, CONSTRAINT alembic_version_pkc PRIMARY KEY (version_num))"
+        )
+        for revision in _heads(name):
+            connection.exec_driver_sql("INSERT INTO alembic_version (version_num) VALUES (?)", (revision,))
+    return True
+
+
 def alembic_config(name: str, url: str) -> "Config":
     """Alembic's configuration for the database `name` at `url`."""
     from alembic.config import Config
@@ -559,7 +576,6 @@ def alembic_config(name: str, url: str) -> "Config":
     config = Config()
     config.set_main_option("script_location", str(bundled("migrations") / name))
     config.attributes["url"] = url
-    config.attributes["tables"] = pogon_tables if name == "pogon" else history_tables
     return config
 
 

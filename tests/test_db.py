@@ -1,4 +1,4 @@
-"""The databases: the newest schema is recognised without Alembic, and any other is left to it."""
+"""The databases: a new file is made and the newest schema is recognised without Alembic; any other is left to it."""
 
 import asyncio
 import shutil
@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 import pytest
-from alembic import command
 from alembic.script import ScriptDirectory
-from sqlalchemy import Engine, event
+from sqlalchemy import Connection, Engine, event
 
 from app.db import LONG_READERS, PAGE_SIZE, Database, _heads, alembic_config
 from app.errors import StorageError
 from tests.conftest import ROOT
+from tests.migrated import by_migrations
 from tests.virtual import inline
 
 NAMES: tuple[Literal["pogon", "history"], ...] = ("pogon", "history")
@@ -32,18 +32,51 @@ def test_the_newest_revision_is_the_one_that_alembic_names(name: str) -> None:
 
 @pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", NAMES)
-def test_a_file_of_the_newest_schema_is_opened_without_alembic(
+def test_a_new_file_and_one_of_the_newest_schema_are_opened_without_alembic(
     tmp_path: Path, name: Literal["pogon", "history"]
 ) -> None:
+    """It would stay in the memory of a plant's first run."""
     file = tmp_path / f"{name}.db"
-    database = Database(file, name, inline)
-    database.migrate()
-    database.close()
-    again = (
+    start = (
         "import sys; from pathlib import Path; from app.db import Database; "
         f"Database(Path({str(file)!r}), {name!r}).migrate(); sys.exit('alembic' in sys.modules)"
     )
-    assert subprocess.run([sys.executable, "-c", again], cwd=ROOT, check=False).returncode == 0
+    for _ in ("new", "again"):
+        assert subprocess.run([sys.executable, "-c", start], cwd=ROOT, check=False).returncode == 0
+    assert file.stat().st_size > 20_000
+
+
+def parts(database: Database) -> dict[str, object]:
+    """Table → its kind, its columns, and the rest that its statement says; index, trigger or view → its statement. In no order."""
+
+    def read(connection: Connection) -> dict[str, object]:
+        found: dict[str, object] = {}
+        for kind, of, text in connection.exec_driver_sql("SELECT type, name, coalesce(sql, '') FROM sqlite_master"):
+            words = " ".join(text.replace('"', "").split())
+            said = words.partition("(")[2].removesuffix(")").split(",")
+            found[of] = (kind, sorted(part.strip() for part in said) if kind == "table" else words)
+        for _, of, *rest in connection.exec_driver_sql("PRAGMA table_list"):
+            found[f"{of}: kind"] = [rest[0], *rest[2:]]
+            found[f"{of}: columns"] = sorted(
+                map(tuple, (row[1:] for row in connection.exec_driver_sql(f"PRAGMA table_xinfo({of})")))
+            )
+        return found
+
+    return database.run(read)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_new_file_is_what_its_migrations_make(tmp_path: Path, name: Literal["pogon", "history"]) -> None:
+    migrated, made = by_migrations(tmp_path / "migrated.db", name), Database(tmp_path / "made.db", name, inline)
+    try:
+        made._create()
+        made.migrate()
+        assert parts(made) == parts(migrated)
+        assert len(parts(made)) > 20
+        made.migrate()
+    finally:
+        migrated.close()
+        made.close()
 
 
 @pytest.mark.parametrize("version", [None, "9999"])
@@ -80,15 +113,17 @@ def test_a_new_file_has_pages_of_its_size_and_an_older_one_goes_on_as_it_is(
 
 @pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("former", ["base", "0001"])
+@pytest.mark.parametrize("former", ["none", "base", "0001"])
 def test_killed_at_any_statement_of_a_migration_it_is_migrated_by_the_next_start(
     tmp_path: Path, name: Literal["pogon", "history"], former: str
 ) -> None:
     """What the disk has before each statement is put by: that is what a kill leaves there."""
     (tmp_path / "left").mkdir()
     file = tmp_path / "left" / f"{name}.db"
-    Database(file, name, inline)._create()
-    command.upgrade(alembic_config(name, f"sqlite:///{file}"), former)
+    if former == "none":
+        Database(file, name, inline)._create()
+    else:
+        by_migrations(file, name, former).close()
     left: list[Path] = []
 
     def put_by(_connection: object, _cursor: object, statement: str, *_: object) -> None:

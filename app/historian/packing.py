@@ -22,8 +22,9 @@ PLACES = (1.0, 10.0, 100.0, 1000.0, 10000.0)
 """Factors that make whole numbers of values; tried in this order."""
 WHOLE = 2.0**53
 """Above it floating numbers have gaps between whole ones."""
-LEVEL = 6
-"""Of zlib."""
+LEVEL, MEMORY = 6, 3
+"""Of zlib. The memory says how many symbols share one table of codes, written before them: 512, so that each column, and each place
+in a number, has codes of its own (an hour of a walking register takes 1.88 B a sample; 2.19 B with the 16 384 that zlib takes itself)."""
 NUMBER, NOTHING, TEXT = 0, 1, 2
 HEAD = 7 * 8
 """Bytes of the head: count, place, length of each column."""
@@ -105,7 +106,8 @@ def pack(samples: Sequence[Sample]) -> bytes:
         orjson.dumps(made.texts) if made.texts else b"",
     )
     head = array("q", (len(made), place, *map(len, packed)))
-    return zlib.compress(head.tobytes() + b"".join(packed), LEVEL)
+    deflated = zlib.compressobj(LEVEL, memLevel=MEMORY, strategy=zlib.Z_FILTERED)
+    return deflated.compress(head.tobytes() + b"".join(packed)) + deflated.flush()
 
 
 @lru_cache(maxsize=8)

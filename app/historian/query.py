@@ -294,7 +294,8 @@ def _of_rows(connection: Connection, number: int, begin: int, end: int, step: in
 
 
 def _of_roll_ups(connection: Connection, number: int, begin: int, end: int, step: int, table: str) -> list[_Cell]:
-    return [_Cell(*row) for row in OF_ROLL_UPS[table](connection, step=step, number=number, begin=begin, end=end)]
+    found = OF_EACH if step == (HOUR if table == "hour" else MINUTE) else OF_ROLL_UPS
+    return [_Cell(*row) for row in found[table](connection, step=step, number=number, begin=begin, end=end)]
 
 
 def _columns(table: Table, low: str, high: str, level: Any, count: Any) -> Any:
@@ -339,6 +340,22 @@ OF_ROLL_UPS = {
     )
     for table in (minute, hour)
 }
+
+OF_EACH = {
+    table.name: Statement(
+        select(
+            table.c.t // bindparam("step", type_=BigInteger),
+            *(table.c[name] for name in ("low", "high", "first_t", "first", "last_t", "last")),
+            table.c.last_q.bitwise_and(3),
+            table.c.level,
+            table.c["count"],
+        )
+        .where(table.c.point == bindparam("number"), table.c.t >= bindparam("begin"), table.c.t < bindparam("end"))
+        .order_by(table.c.t)
+    )
+    for table in (minute, hour)
+}
+"""A day as wide as a screen: each roll-up is a column of its own, and nothing has to be looked for twice."""
 
 
 def _before(connection: Connection, number: int, begin: int) -> tuple[int, float | None, int] | None:

@@ -1,12 +1,13 @@
 """Alembic's entry for `pogon.db`; url and tables come from app/db.py, or from `-x url=…` on the command line."""
 
+import runpy
+from pathlib import Path
+
 from alembic import context
 
-import app.access.tables
-import app.alarms.tables
-import app.plant.retained  # noqa: F401
 from app.db import in_one, pogon_tables
 
+runpy.run_path(str(Path(__file__).with_name("tables.py")))
 config = context.config
 url = config.attributes.get("url") or context.get_x_argument(as_dictionary=True).get("url", "sqlite:///data/pogon.db")
 

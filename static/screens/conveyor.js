@@ -117,7 +117,7 @@ class Line {
     return index < 0 ? this.ends.length : index + 1;
   }
 
-  /** Identities stand in the products; those too long for theirs stand above on two levels, where there is room on one of them. */
+  /** Identities stand in the products; those too long for theirs stand above on two levels, one on a small screen, where there is room. */
   label(shown) {
     shown.sort((a, b) => a.left - b.left);
     const edges = [-Infinity, -Infinity];
@@ -127,7 +127,7 @@ class Line {
       const level = out ? edges.findIndex((edge) => product.middle - half >= edge + 3) : 0;
       if (out && level >= 0) edges[level] = product.middle + half;
       product.group.classList.toggle("out", out);
-      product.group.classList.toggle("unnamed", level < 0);
+      product.group.dataset.level = level;
       product.alarm.style.transform = `translate(${round(product.middle)}px,${out ? 38 : 0}px)`;
       product.text.style.transform = `translate(${round(product.middle)}px,${out ? -28 - 16 * level : 0}px)`;
     }

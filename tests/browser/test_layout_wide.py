@@ -15,11 +15,28 @@ from tests.conftest import find_port
 
 NAME = "Förderstrecke zwischen Wareneingang Nord und Versandhalle Süd"
 SILENT, MODBUS = 3, find_port()
+CLOSE = f"""async () => {{ // short products of every state all along the line, in its free slots, and what is wrong before news comes
+  let svg;
+  do {{
+    await new Promise(requestAnimationFrame);
+    svg = document.querySelector('[data-conveyor]');
+  }} while (svg.dataset.q !== 'good'); // its script has drawn it
+  const free = [...svg.querySelectorAll('.prod[display]')];
+  const good = (value) => ({{ state: 'good', value }});
+  free.forEach((group, i) => {{
+    const head = (872 * (i + 1)) / (free.length + 1) / svg.dataset.factor;
+    const detail = {{ x_id: good(9900 + i), x_state: good(1 + (i % 5)), x_head: good(head), x_tail: good(head - 1 / svg.dataset.factor) }};
+    group.dispatchEvent(new CustomEvent('tags', {{ bubbles: true, detail }}));
+  }});
+  await Promise.resolve();
+  const named = [...svg.querySelectorAll('.out:not([display]) .p-id')].filter((one) => getComputedStyle(one).visibility === 'visible');
+  return [named.length, ({FAULTS[FAULTS.index("() =>") :].strip()})()];
+}}"""
 EVERY = {name: size for name, size in SIZES.items()} | {name: (*size, "desk") for name, size in BETWEEN.items()}
 
 
 def long_line() -> str:
-    """A conveyor with as many belts and sensors as there may be, each after the other, and a scanner."""
+    """A conveyor with as many belts and sensors as there may be, each after the other, and a scanner; and one of three belts."""
     names = ", ".join(f'{lang} = "{NAME}"' for lang in LANGUAGES)
     ends = "\n".join(f"belt_{n}_end = {300 * n}" for n in range(1, 16))
     sensors = "\n".join(f"sensor_{n} = {150 * n - 20}" for n in range(1, 33))
@@ -27,6 +44,7 @@ def long_line() -> str:
         f'[links.line]\ntransport = "memory"\n[equipment.c16]\ntype = "conveyor"\nlink = "line"\nunit = 90\nlabel = {{ {names} }}\n'
         f"belts = 16\nsensors = 32\n{ends}\nline_length = 4800\n{sensors}\nscanner = 2\n"
         'simulation = { start = "automatic", interval = 4 }\n'
+        '[equipment.c3]\ntype = "conveyor"\nlink = "line"\nunit = 91\nlabel = { en = "Short" }\n'
     )
 
 
@@ -94,4 +112,19 @@ def test_a_line_of_16_belts_with_a_long_name_is_whole(wide: Page, lang: str) -> 
         expect(page.locator(".prod:not([display])").nth(1)).to_be_attached()
         wrong = [one for one in page.evaluate(SIDEWAYS) if "mimic-b" not in one]
         found += [f"{name}: {one}" for one in [*wrong, *page.evaluate(FAULTS)]]
+    assert found == [], "\n".join(["", *found])
+
+
+@pytest.mark.parametrize("line", ["c16", "c3"])
+def test_names_of_products_that_stand_close_are_drawn_over_nothing(wide: Page, line: str) -> None:
+    """They stand above their products then, on two levels, on a small screen on one, between those and the names of the areas."""
+    page, url = wide, origin(wide)
+    speak(page, "hr", url)
+    found: list[str] = []
+    for name, size in EVERY.items():
+        lay_out(page, *size)
+        open_page(page, f"{url}/equipment/{line}")
+        named, faults = page.evaluate(CLOSE)
+        assert named > 5, name
+        found += [f"{name}: {one}" for one in faults if "p-id" in one]
     assert found == [], "\n".join(["", *found])

@@ -2,6 +2,7 @@
 
 import math
 import struct
+from random import Random
 
 import pytest
 from hypothesis import given, settings
@@ -55,6 +56,15 @@ def test_samples_come_out_as_they_were(rows: list[Sample], data: st.DataObject) 
     assert packed.within(low, high).rows() == [row for row in rows if low <= row[0] < high]
 
 
+def walk(count: int) -> list[Sample]:
+    """A register that walks, asked once a second as well as a poll does it."""
+    chance, value, rows = Random(1), 5_000, list[Sample]()
+    for i in range(count):
+        value += chance.randrange(-5, 6)
+        rows.append((BEGIN + i * 1_000_000 + chance.randrange(-300, 301), value / 100, None, 0))
+    return rows
+
+
 @pytest.mark.parametrize(
     ("most", "rows"),
     [
@@ -64,8 +74,9 @@ def test_samples_come_out_as_they_were(rows: list[Sample], data: st.DataObject) 
         (1.0, [(BEGIN + i * 1_000_000, float(i // 100 % 2), None, 0) for i in range(3600)]),
         (0.5, [(BEGIN + i * 1_000_000, None, ("run", "stop")[i // 60 % 2], 256) for i in range(3600)]),
         (7.0, [(BEGIN + i * 1_000_000, math.sin(i), None, 0) for i in range(3600)]),
+        (2.0, walk(3600)),
     ],
-    ids=["ramp", "noise", "beats", "switch", "text", "any"],
+    ids=["ramp", "noise", "beats", "switch", "text", "any", "walk"],
 )
 def test_what_plants_record_takes_a_tenth_of_its_rows(most: float, rows: list[Sample]) -> None:
     """A row takes 21 to 24 bytes."""

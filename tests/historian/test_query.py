@@ -141,6 +141,19 @@ def test_one_spike_is_seen_at_every_width(place: int, width: int, rolled: bool) 
     assert sum(v == 999.0 for v in got.high) == 1
 
 
+@settings(max_examples=60, deadline=None)
+@given(histories())
+def test_a_roll_up_that_fills_a_column_is_read_as_one_of_several_is(rows: list[RawRow]) -> None:
+    with fresh() as connection:
+        fill(connection, as_rows(rows))
+        roll_up_all(connection, rows[-1][0] + 2 * HOUR)
+        for table, step in (("minute", MINUTE), ("hour", HOUR)):
+            asks = {"step": step, "number": 1, "begin": rows[0][0] - HOUR, "end": rows[-1][0] + HOUR}
+            each, several = (found[table](connection, **asks).all() for found in (query.OF_EACH, query.OF_ROLL_UPS))
+            assert [tuple(row) for row in each] == [tuple(row) for row in several]
+            assert len(each) == len({time // step for time, _, _ in rows})
+
+
 @pytest.mark.sweep(8)
 def test_a_year_keeps_its_spike_too() -> None:
     with fresh() as connection:
