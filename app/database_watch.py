@@ -27,6 +27,8 @@ PERIOD = 1.0
 """How often is looked [s]."""
 NOTE_PERIOD = 60.0
 """How often is noted until when the history was recorded [s]."""
+CHECKPOINT_PERIOD = 10.0
+"""How often the journal of the history is carried into its file [s]; two commits a second are written meanwhile."""
 KNOWN = "sys.history"
 """Under which id the history is remembered among the retained states."""
 OLDER = 5 * 60_000_000
@@ -60,6 +62,7 @@ class DatabaseWatch:
         self._known: Any = None
         self._recognised = False
         self._noted = 0.0
+        self._checkpoint_at = 0.0
 
     async def load(self) -> None:
         """Read what is remembered of the history, and compare it when it can be opened; one that is rubbish is put aside."""
@@ -77,6 +80,10 @@ class DatabaseWatch:
         """Look once."""
         for database in (self._people, self._history):
             await self._look_at(database)
+        self._people.checkpoint()
+        if self._clock.monotonic() >= self._checkpoint_at:
+            self._checkpoint_at = self._clock.monotonic() + CHECKPOINT_PERIOD
+            self._history.checkpoint()
         await self.recognise()
         if self._recognised and self._clock.monotonic() - self._noted >= NOTE_PERIOD:
             await self._note()
@@ -119,10 +126,13 @@ class DatabaseWatch:
             self._alarms.system.report("database_lost", params=_params(incident.loss, incident.database))
         elif incident.mended is Mended.RESTORED:
             self._alarms.system.report("database_restored", params=_params(incident.loss, incident.database))
+        elif incident.mended is Mended.SHORTENED:
+            self._alarms.system.report("database_shortened", params=_params(incident.loss, incident.database))
         if database is self._history and incident.mended in (Mended.FRESH, Mended.ADOPTED):
             last = 0 if self._recognised else self._remembered()[1]
             self._tell_loss(incident.loss, last or self._clock.micros())
             self._recognised = True
+        if database is self._history and incident.mended not in (Mended.RESTORED, Mended.NOTHING):
             await self._events.load()
             await self._note()
 

@@ -42,7 +42,7 @@ history_tables = MetaData(naming_convention=NAMES)
 
 PRAGMAS = {
     "pogon": ("synchronous=FULL",),
-    # many points share few pages for long: these reach the file once per 32 MB, not with every second commit
+    # many points share few pages for long: these reach the file by `checkpoint`, or once per 32 MB, not with every second commit
     "history": ("synchronous=NORMAL", "wal_autocheckpoint=32000", "cache_size=-8000"),
 }
 PAGE_SIZE = {"pogon": 4096, "history": 1024}
@@ -57,26 +57,17 @@ MENDING_TIMEOUT = 10.0
 """How long a lost file waits for those who read it, and they for it to be mended [s]."""
 
 
-class Database:
-    """One database file: writes go one after the other on its own thread, reads run beside them."""
+class HeldFile:
+    """The file of a database, held open so that it can be mended when it is lost. Nobody else uses it meanwhile."""
 
-    def __init__(
-        self, path: Path, name: Literal["pogon", "history"], threads: Threads = threads, *, only_read: bool = False
-    ) -> None:
-        """`only_read`: also in a folder that cannot be written to, such as a copy on a medium that is read only."""
+    def __init__(self, path: Path, name: Literal["pogon", "history"], engine: Engine) -> None:
         self.path = path
         self.name = name
-        as_it_lies = only_read and not os.access(path.absolute().parent, os.W_OK)
-        self.engine = _engine(path, PRAGMAS[name], open_to_read if as_it_lies else _connect)
-        self._writer = threads(1, f"{name}-writer")
-        self._readers = threads(READERS, f"{name}-reader")
-        self._long_readers = threads(LONG_READERS, f"{name}-long-reader")
+        self.engine = engine
         self._file: OpenFile | None = None
-        self._lost: Loss | None = None
         self._held: sqlite3.Connection | None = None
-        self._using = 0
-        self._turn = threading.Condition()
-        self._mender: int | None = None
+        self._anchor: sqlite3.Connection | None = None
+        """May only read: who closes it last leaves the journal as it lies."""
 
     @property
     def id(self) -> int:
@@ -89,118 +80,7 @@ class Database:
         Raises:
             StorageError: the file cannot be opened, or is newer than this program.
         """
-        try:
-            if self._file is None and self.path.exists() and self.path.stat().st_size and not starts_well(self.path):
-                raise _rubbish()  # before SQLite sees it, which removes a journal beside it that is none of its own
-            if not self._is_newest():
-                self.path.parent.mkdir(parents=True, exist_ok=True)
-                self._create()
-                if not _fill(self.path, self.name):
-                    from alembic import command  # takes time and 12 MB for good, and is rarely needed
-
-                    command.upgrade(alembic_config(self.name, f"sqlite:///{self.path}"), "head")
-            self._hold()
-        except Exception as error:
-            if self.name == "history" and self._file is None and _is_rubbish(error):
-                self._lost = Loss.TRUNCATED if starts_well(self.path) else Loss.OVERWRITTEN
-            said = getattr(error, "orig", None) or error  # without SQLAlchemy's link to its manual
-            raise StorageError(f"{self.path} cannot be used as the {self.name} database: {said}") from error
-
-    def is_newest(self) -> bool:
-        """Whether the file can be read and is at the newest revision; makes none."""
-        try:
-            return self._is_newest()
-        except (DatabaseError, OSError):
-            return False
-
-    def _is_newest(self) -> bool:
-        """Whether the file is there and at the newest revision."""
-        if not self.path.exists():
-            return False
-        with self.engine.connect() as connection:
-            if not connection.exec_driver_sql("SELECT 1 FROM sqlite_master WHERE name = 'alembic_version'").scalar():
-                return False
-            found = connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalars().all()
-        return set(found) == _heads(self.name)
-
-    async def write(self, work: Callable[[Connection], T]) -> T:
-        """Run `work` in one transaction on the writer thread; what it returns comes back after the commit.
-
-        Raises:
-            StorageError: the database did not take it; nothing of it is kept.
-        """
-        return await asyncio.wrap_future(self.submit(work))
-
-    def submit(self, work: Callable[[Connection], T]) -> Future[T]:
-        """As `write`, for callers that do not wait."""
-        return self._writer.submit(self._run, work)
-
-    async def read(self, work: Callable[[Connection], T]) -> T:
-        """Run `work` on a reader thread.
-
-        Raises:
-            StorageError: the database cannot be read.
-        """
-        return await asyncio.get_running_loop().run_in_executor(self._readers, self._run, work)
-
-    async def read_long(self, work: Callable[[Connection], T]) -> T:
-        """As `read`, for a `work` that reads much of a table: nobody whose `read` is short waits for it."""
-        return await asyncio.get_running_loop().run_in_executor(self._long_readers, self._run, work)
-
-    def run(self, work: Callable[[Connection], T]) -> T:
-        """As `write`, on the caller's thread: for the command line and for tests."""
-        return self._run(work)
-
-    def close(self) -> None:
-        """Finish what is queued and close the file."""
-        self._writer.shutdown(wait=True)
-        self._readers.shutdown(wait=True)
-        self._long_readers.shutdown(wait=True)
-        self._let_go()
-
-    def _run(self, work: Callable[[Connection], T]) -> T:
-        if self._file is None and self._lost is not None:
-            raise StorageError(f"{self.path.name}: the file is lost, {self._lost}")
-        try:
-            with self._in_use(), self.engine.begin() as connection:
-                return work(connection)
-        except (DatabaseError, sqlite3.Error, OSError) as error:
-            raise StorageError(f"{self.path.name}: {getattr(error, 'orig', None) or error}") from error
-
-    # ---- the file is lost -----------------------------------------------------------------------------
-
-    async def check(self) -> Incident | None:
-        """Whether the file is still the one that was opened; one that is lost is mended as far as that goes. None: all is well.
-
-        A file that was removed, or whose journal was, is written anew from what is open, so nothing of it is lost. Another history is
-        used from then on, a damaged one put aside and a new one begun; another `pogon.db` is put aside: people, sessions and the audit
-        are those of the running server. What cannot be mended is told at every call, and tried again.
-        """
-        if await asyncio.to_thread(self._look) is None:
-            return None
-        return await asyncio.wrap_future(self._writer.submit(self._mend))
-
-    def _look(self) -> Loss | None:
-        if self._file is None:
-            return self._lost
-        try:
-            return self._file.look()
-        except OSError as error:
-            log.error("database not found file=%s reason=%s", self.path, error.strerror or error)
-            return Loss.REMOVED
-
-    def _mend(self) -> Incident | None:
-        loss = self._look()
-        if loss is None:
-            return None
-        try:
-            with self._alone():
-                mended, aside = self._mended(loss)
-        except (OSError, sqlite3.Error, DatabaseError, StorageError) as error:
-            self._lost = loss
-            return Incident(self.path.name, loss, Mended.NOTHING, reason=str(error))
-        self._lost = None
-        return Incident(self.path.name, loss, mended, aside)
+        raise NotImplementedError
 
     def _mended(self, loss: Loss) -> tuple[Mended, str]:
         mine = self.name == "pogon"
@@ -216,6 +96,8 @@ class Database:
                 self._let_go()
                 self.migrate()
                 return Mended.RESTORED, ""
+            case Loss.JOURNAL_DAMAGED:
+                return self._salvaged()
             case Loss.REMOVED:
                 return self._restored("")
             case Loss.REPLACED if mine:
@@ -226,6 +108,31 @@ class Database:
                 return self._adopted()
             case _:
                 return self._begun_anew()
+
+    def _salvaged(self) -> tuple[Mended, str]:
+        """Open the file anew with what is whole of its journal; the index is built anew from that."""
+        assert self._file is not None
+        journal = self._file.journal.salvage()
+        self._let_go(checkpoint=False)
+        for path in self._journals():
+            if path.name.endswith("-shm") or not journal.usable:
+                path.unlink()
+        self.migrate()
+        if journal.doubtful and not self._is_sound():
+            log.error("database damaged file=%s: a checkpoint was not through when its journal was lost", self.path)
+            if self.name == "history":
+                self._let_go()
+                aside = self._put_aside("damaged")
+                self.migrate()
+                return Mended.FRESH, aside
+        return (Mended.SHORTENED if journal.lost else Mended.RESTORED), ""
+
+    def _is_sound(self) -> bool:
+        assert self._held is not None
+        try:
+            return bool(self._held.execute("PRAGMA quick_check(1)").fetchone() == ("ok",))
+        except sqlite3.DatabaseError:
+            return False
 
     def _restored(self, aside: str) -> tuple[Mended, str]:
         """Write the file anew from the one that is still open; complete under its name before the old one is let go."""
@@ -317,16 +224,217 @@ class Database:
                 connection.execute(f"PRAGMA application_id={_new_id()}")
                 connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
             connection.execute("SELECT count(*) FROM sqlite_master").fetchall()
-        self._held, self._file = connection, OpenFile(self.path)
+        anchor = open_to_read(self.path)
+        with closed_if_refused(anchor):
+            anchor.execute("SELECT count(*) FROM sqlite_master").fetchall()
+        self._held, self._anchor, self._file = connection, anchor, OpenFile(self.path)
 
-    def _let_go(self) -> None:
-        """Close every connection, then what watches the file."""
+    def _let_go(self, *, checkpoint: bool = True) -> None:
+        """Close every connection, then what watches the file.
+
+        The last one to be closed carries the journal into the file and removes it, unless it may only read.
+        """
         self.engine.dispose()
-        if self._held is not None:
-            self._held.close()
+        for connection in (self._anchor, self._held) if checkpoint else (self._held, self._anchor):
+            if connection is not None:
+                connection.close()
         if self._file is not None:
             self._file.close()
-        self._held = self._file = None
+        self._held = self._anchor = self._file = None
+
+
+class Database(HeldFile):
+    """One database file: writes go one after the other on its own thread, reads run beside them."""
+
+    def __init__(
+        self, path: Path, name: Literal["pogon", "history"], threads: Threads = threads, *, only_read: bool = False
+    ) -> None:
+        """`only_read`: also in a folder that cannot be written to, such as a copy on a medium that is read only."""
+        as_it_lies = only_read and not os.access(path.absolute().parent, os.W_OK)
+        super().__init__(path, name, _engine(path, PRAGMAS[name], open_to_read if as_it_lies else _connect))
+        self._writer = threads(1, f"{name}-writer")
+        self._readers = threads(READERS, f"{name}-reader")
+        self._long_readers = threads(LONG_READERS, f"{name}-long-reader")
+        self._lost: Loss | None = None
+        self._incidents: list[Incident] = []
+        """What was mended before something was written, and `check` has not told."""
+        self._checkpointing = False
+        self._using = 0
+        self._turn = threading.Condition()
+        self._mender: int | None = None
+        self.edition = 0
+        """Counts up when what is stored is not any more what was written: another file, or an older state of it."""
+
+    def migrate(self) -> None:
+        """Bring the schema to the newest revision; makes the file when it is missing.
+
+        Raises:
+            StorageError: the file cannot be opened, or is newer than this program.
+        """
+        try:
+            if self._file is None and self.path.exists() and self.path.stat().st_size and not starts_well(self.path):
+                raise _rubbish()  # before SQLite sees it, which removes a journal beside it that is none of its own
+            if not self._is_newest():
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                self._create()
+                if not _fill(self.path, self.name):
+                    from alembic import command  # takes time and 12 MB for good, and is rarely needed
+
+                    command.upgrade(alembic_config(self.name, f"sqlite:///{self.path}"), "head")
+            self._hold()
+        except Exception as error:
+            if self.name == "history" and self._file is None and _is_rubbish(error):
+                self._lost = Loss.TRUNCATED if starts_well(self.path) else Loss.OVERWRITTEN
+            said = getattr(error, "orig", None) or error  # without SQLAlchemy's link to its manual
+            raise StorageError(f"{self.path} cannot be used as the {self.name} database: {said}") from error
+
+    def is_newest(self) -> bool:
+        """Whether the file can be read and is at the newest revision; makes none."""
+        try:
+            return self._is_newest()
+        except (DatabaseError, OSError):
+            return False
+
+    def _is_newest(self) -> bool:
+        """Whether the file is there and at the newest revision."""
+        if not self.path.exists():
+            return False
+        with self.engine.connect() as connection:
+            if not connection.exec_driver_sql("SELECT 1 FROM sqlite_master WHERE name = 'alembic_version'").scalar():
+                return False
+            found = connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalars().all()
+        return set(found) == _heads(self.name)
+
+    async def write(self, work: Callable[[Connection], T]) -> T:
+        """Run `work` in one transaction on the writer thread; what it returns comes back after the commit.
+
+        Raises:
+            StorageError: the database did not take it; nothing of it is kept.
+        """
+        return await asyncio.wrap_future(self.submit(work))
+
+    def submit(self, work: Callable[[Connection], T]) -> Future[T]:
+        """As `write`, for callers that do not wait."""
+        return self._writer.submit(self._write, work)
+
+    async def read(self, work: Callable[[Connection], T]) -> T:
+        """Run `work` on a reader thread, twice when its journal was damaged meanwhile.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        return await asyncio.get_running_loop().run_in_executor(self._readers, self._read, work)
+
+    async def read_long(self, work: Callable[[Connection], T]) -> T:
+        """As `read`, for a `work` that reads much of a table, once: nobody whose `read` is short waits for it."""
+        return await asyncio.get_running_loop().run_in_executor(self._long_readers, self._run, work)
+
+    def run(self, work: Callable[[Connection], T]) -> T:
+        """As `write`, on the caller's thread: for the command line and for tests."""
+        return self._run(work)
+
+    def close(self) -> None:
+        """Finish what is queued and close the file."""
+        self._writer.shutdown(wait=True)
+        self._readers.shutdown(wait=True)
+        self._long_readers.shutdown(wait=True)
+        self._let_go()
+
+    def _run(self, work: Callable[[Connection], T]) -> T:
+        if self._file is None and self._lost is not None:
+            raise StorageError(f"{self.path.name}: the file is lost, {self._lost}")
+        try:
+            with self._in_use(), self.engine.begin() as connection:
+                before = self._bus_errors
+                result = work(connection)
+                if self._bus_errors != before:  # what it read may be from before what the journal holds
+                    raise OSError("the index of its journal was cut meanwhile")
+                return result
+        except (DatabaseError, sqlite3.Error, OSError) as error:
+            raise StorageError(f"{self.path.name}: {getattr(error, 'orig', None) or error}") from error
+
+    def _write(self, work: Callable[[Connection], T]) -> T:
+        self._mend_journal()  # or it would go on behind the damage
+        return self._run(work)
+
+    def _read(self, work: Callable[[Connection], T]) -> T:
+        try:
+            return self._run(work)
+        except StorageError:
+            if self._file is None or not self._file.journal.damaged():
+                raise
+        try:
+            self._writer.submit(self._mend_journal).result(MENDING_TIMEOUT)
+        except TimeoutError as error:
+            raise StorageError(f"{self.path.name}: its journal is damaged, and it is being written") from error
+        return self._run(work)
+
+    def _mend_journal(self) -> None:
+        if self._file is None or not self._file.journal.damaged():
+            return
+        incident = self._mend()
+        if incident is not None and incident.mended is Mended.NOTHING:
+            raise StorageError(f"{self.path.name}: {incident.reason}")
+        self._incidents += [incident] if incident else []
+
+    @property
+    def _bus_errors(self) -> int:
+        return self._file.journal.bus_errors if self._file else 0
+
+    def checkpoint(self) -> None:
+        """Have what the journal holds carried into the file, behind what is to be written: a journal that is lost takes only the rest."""
+        if not self._checkpointing:
+            self._checkpointing = True
+            self._writer.submit(self._checkpoint)
+
+    def _checkpoint(self) -> None:
+        self._checkpointing = False
+        if self._file is None or self._held is None or self._file.look() is not None:
+            return  # what is damaged would be carried into the file
+        try:
+            with self._in_use():
+                self._held.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchall()
+        except (sqlite3.Error, OSError) as error:
+            log.warning("no checkpoint file=%s reason=%s", self.path.name, error)
+
+    # ---- the file is lost -----------------------------------------------------------------------------
+
+    async def check(self) -> Incident | None:
+        """Whether the file is still the one that was opened; one that is lost is mended as far as that goes. None: all is well.
+
+        A file that was removed, or whose journal was, is written anew from what is open, so nothing of it is lost. Another history is
+        used from then on, a damaged one put aside and a new one begun; another `pogon.db` is put aside: people, sessions and the audit
+        are those of the running server. Of a journal that was cut or written over, what is whole is kept. What cannot be mended is told at
+        every call, and tried again.
+        """
+        if self._incidents:
+            return self._incidents.pop(0)
+        if await asyncio.to_thread(self._look) is None:
+            return None
+        return await asyncio.wrap_future(self._writer.submit(self._mend))
+
+    def _look(self) -> Loss | None:
+        if self._file is None:
+            return self._lost
+        try:
+            return self._file.look()
+        except OSError as error:
+            log.error("database not found file=%s reason=%s", self.path, error.strerror or error)
+            return Loss.REMOVED
+
+    def _mend(self) -> Incident | None:
+        loss = self._look()
+        if loss is None:
+            return None
+        try:
+            with self._alone():
+                mended, aside = self._mended(loss)
+        except (OSError, sqlite3.Error, DatabaseError, StorageError) as error:
+            self._lost = loss
+            return Incident(self.path.name, loss, Mended.NOTHING, reason=str(error))
+        self._lost = None
+        self.edition += mended is not Mended.RESTORED
+        return Incident(self.path.name, loss, mended, aside)
 
     @contextmanager
     def _in_use(self) -> Iterator[None]:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from app.db_journal import Journal
+
 MAGIC = b"SQLite format 3\x00"
 HEADER = 100
 """Bytes that SQLite's file header has. Source: sqlite.org/fileformat.html, 1.3."""
@@ -26,6 +28,8 @@ class Loss(StrEnum):
     """The same file, with another content."""
     JOURNAL = "journal"
     """Its journal (`-wal`, `-shm`) was removed; what it held since the last checkpoint is in no file."""
+    JOURNAL_DAMAGED = "journal_damaged"
+    """Its journal or the index of it was cut or written over."""
     OLDER = "older"
     """An older state of the same database; only found at the start."""
 
@@ -35,6 +39,8 @@ class Mended(StrEnum):
 
     RESTORED = "restored"
     """Written anew from what the server had open: nothing is lost."""
+    SHORTENED = "shortened"
+    """Opened anew without what its journal held and is not there any more: rows since the last checkpoint."""
     FRESH = "fresh"
     """A new file was begun; what was there is lost, or in the file set aside."""
     ADOPTED = "adopted"
@@ -85,6 +91,7 @@ class OpenFile:
         self._size = about.st_size
         self._header = self._read()
         self._journal: dict[str, tuple[int, int]] = {}
+        self.journal = Journal(path)
         self._look_at_journal()
 
     @property
@@ -127,6 +134,7 @@ class OpenFile:
 
     def close(self) -> None:
         """Let it go."""
+        self.journal.close()
         os.close(self._descriptor)
 
     def _look_at_journal(self) -> Loss | None:
@@ -137,7 +145,7 @@ class OpenFile:
                 self._journal[name.name] = inode
             elif known != inode:
                 return Loss.JOURNAL
-        return None
+        return Loss.JOURNAL_DAMAGED if self.journal.damaged() else None
 
     def _read(self) -> _Header:
         head = os.pread(self._descriptor, HEADER, 0)

@@ -75,6 +75,12 @@ class BadAnswer(LinkError):
     kind = "bad_answer"
 
 
+class HungUp(BadAnswer):
+    """The device closed the connection instead of answering, as it did before; another one is open."""
+
+    kind = "hung_up"
+
+
 EXCEPTION_NAMES: Mapping[int, str] = {
     1: "illegal function",
     2: "illegal data address",

@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, closing
 from datetime import UTC, datetime
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -21,6 +22,7 @@ from app.tags.batch import Batch
 from tests.virtual import inline
 
 LANGUAGES = ("hr", "en", "de", "cs")
+NOISE = Random(1)
 
 
 @asynccontextmanager
@@ -310,3 +312,88 @@ async def test_what_cannot_be_mended_stands_until_it_is(data: Path, clock: Manua
             file.write(kept)
         await runtime.files.look()
         assert not runtime.files._told
+
+
+def cut_journal(path: Path) -> None:
+    os.truncate(path, 0)
+
+
+def noise_in_journal(path: Path) -> None:
+    with path.open("r+b") as file:
+        file.write(NOISE.randbytes(path.stat().st_size))
+
+
+def noise_in_its_place(path: Path) -> None:
+    path.write_bytes(NOISE.randbytes(path.stat().st_size))
+
+
+JOURNAL_FAULTS = [cut_journal, noise_in_journal, noise_in_its_place, Path.unlink]
+
+
+@pytest.mark.sweep(8)
+@pytest.mark.parametrize("fault", JOURNAL_FAULTS)
+@pytest.mark.parametrize("tail", ["-wal", "-shm"])
+async def test_a_journal_of_the_history_lost_is_one_alarm_and_recording_goes_on(
+    data: Path, clock: ManualClock, fault: Callable[[Path], None], tail: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with running(data, clock) as runtime:
+        await record(runtime, clock, 100)
+        await runtime.files.look()  # a checkpoint
+        await record(runtime, clock, 200)
+        fault(data / f"history.db{tail}")
+        await runtime.files.look()
+        await record(runtime, clock, 300)
+        await runtime.files.look()
+        assert not runtime.recorder.full
+        lost = tail == "-wal" and fault is not Path.unlink
+        told = alarms(runtime, "database_shortened") + alarms(runtime, "database_restored")
+        assert told == [
+            {"file": "history.db", "loss": "@alarm.loss.journal" + ("" if fault is Path.unlink else "_damaged")}
+        ]
+        assert bool(alarms(runtime, "database_shortened")) is lost
+        assert not alarms(runtime, "history_lost")
+        assert stored(data) == [100, 150, *([] if lost else [200, 250]), 300, 350]
+        assert caplog.text.count("database lost file=history.db") == 1
+        for lang in LANGUAGES:
+            said = runtime.texts.text(lang, "alarm.system.database_shortened.label", **told[0])
+            assert "history.db" in said
+            assert "{" not in said
+    assert stored(data)[-2:] == [300, 350]
+
+
+async def test_points_that_were_new_when_the_journal_was_lost_are_recorded(data: Path, clock: ManualClock) -> None:
+    """Nothing of this history had reached its file: neither points nor the run."""
+    async with running(data, clock) as runtime:
+        await record(runtime, clock, 100)
+        cut_journal(data / "history.db-wal")
+        await record(runtime, clock, 200)  # before anybody looked
+        await record(runtime, clock, 300)
+        await runtime.files.look()
+        assert len(alarms(runtime, "database_shortened")) == 1
+        assert not runtime.recorder.full
+        assert stored(data)[-2:] == [300, 350]
+        assert 250 in stored(data)
+
+
+@pytest.mark.sweep(8)
+@pytest.mark.parametrize("fault", JOURNAL_FAULTS)
+@pytest.mark.parametrize("tail", ["-wal", "-shm"])
+async def test_people_and_audit_stay_when_the_journal_of_pogon_db_is_lost(
+    data: Path, clock: ManualClock, fault: Callable[[Path], None], tail: str
+) -> None:
+    async with running(data, clock) as runtime:
+        await runtime.access.audit.record("server.started", None, "before")
+        await runtime.files.look()
+        fault(data / f"pogon.db{tail}")
+        await runtime.access.audit.record("server.started", None, "during")
+        await runtime.files.look()
+        await runtime.access.audit.record("server.started", None, "after")
+        assert runtime.access.audit.healthy
+        told = alarms(runtime, "database_shortened") + alarms(runtime, "database_restored")
+        assert [one["file"] for one in told] == ["pogon.db"]
+        assert (await runtime.access.audit.check()).ok
+    async with running(data, clock):
+        with closing(sqlite3.connect(data / "pogon.db")) as connection:
+            named = [row[0] for row in connection.execute("SELECT object FROM audit ORDER BY seq") if row[0]]
+            assert [one for one in named if one in ("before", "during", "after")] == ["before", "during", "after"]
+            assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]

@@ -189,9 +189,9 @@ class Sheet:
         return data
 
     async def stream(self, database: Database) -> AsyncIterator[bytes]:
-        """All portions, each read on a reader thread: nothing of the database is held between them."""
+        """All portions, each read on a thread for those who read much: nothing of the database is held between them."""
         while not self.done:
-            if data := await database.read(self.read):
+            if data := await database.read_long(self.read):
                 yield data
 
     def _all(self) -> Iterator[str | None]:

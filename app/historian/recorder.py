@@ -72,7 +72,7 @@ class Recorder:
         self._wanted: list[Point] = []
         self._opened = False
         self._begun = False
-        self._id = 0
+        self._edition = 0
         """Of the database to which the numbers of the tracks belong."""
         self._retry_at = 0.0
         self._rates: deque[tuple[float, int]] = deque(maxlen=21)
@@ -182,7 +182,7 @@ class Recorder:
             return
         try:
             await self._begin()
-            if self._database.id != self._id:
+            if self._database.edition != self._edition:
                 await self._begin_again()
             portion = self._rows[: PROBE if self.full else PORTION]
             while True:
@@ -194,6 +194,8 @@ class Recorder:
                 if not portion:
                     break
         except StorageError as error:
+            if self._opened and self._database.edition != self._edition:
+                return  # what waits is written into it the next time
             self._retry_at = self._clock.monotonic() + RETRY_PAUSE
             self._say(error)
             return
@@ -227,16 +229,16 @@ class Recorder:
         if now < reached:  # the clock was set back
             self._ended.append((furthest, now))
         self._furthest = now if now < reached else furthest
-        start, id, self._alive, ended = self._start, self._id, now, list(self._ended)
+        start, edition, self._alive, ended = self._start, self._edition, now, list(self._ended)
 
         def work(connection: Connection) -> Sequence[int]:
-            if self._database.id != id:  # the numbers are of points of the database that was lost
+            if self._database.edition != edition:  # the numbers are of points of the database that was lost
                 return ()
             store.append(connection, rows, store.broken_off(connection, start, ended), now, self._minutes)
             return store.ahead(connection, now) if any(goes_on < end for end, goes_on in ended) else ()
 
         ahead = await self._database.write(work)
-        if self._database.id != id:
+        if self._database.edition != edition:
             raise StorageError(f"{self._database.path.name}: exchanged meanwhile")
         if ended:
             self._start = ended[-1][1]
@@ -244,8 +246,8 @@ class Recorder:
         self._go_beyond(ahead)
 
     async def _begin_again(self) -> None:
-        """The database is another one than before: go on in it with the points as they stand, and what waits."""
-        points, id = self._wanted, self._database.id
+        """The database is another one than before, or an older state of it: go on in it with the points as they stand, and what waits."""
+        points, edition = self._wanted, self._database.edition
         start = self._clock.micros()
 
         def work(connection: Connection) -> tuple[store.Closed, dict[str, int]]:
@@ -253,7 +255,7 @@ class Recorder:
             return store.begin_run(connection, start), store.register(connection, points)
 
         closed, numbers = await self._database.write(work)
-        self._start, self._alive, self._id = start, start, id
+        self._start, self._alive, self._edition = start, start, edition
         self._ended.clear()
         for track in self._by_id.values():
             track.end(self._rows)
@@ -268,7 +270,7 @@ class Recorder:
     async def _open(self) -> None:
         if not self._opened:
             await asyncio.to_thread(self._database.migrate)
-            self._opened, self._id = True, self._database.id
+            self._opened, self._edition = True, self._database.edition
 
     async def _begin(self) -> None:
         await self._open()
@@ -303,11 +305,8 @@ class Recorder:
         }
 
     async def _known(self) -> dict[str, int]:
-        def look(connection: Connection) -> dict[str, int]:
-            return store.numbers(connection)
-
         try:
-            return await self._database.read(look)
+            return await self._database.read(store.numbers)
         except StorageError:
             return {}
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import inf
 
 from app.clock import is_moment
+from app.links.restarts import Restarts
 from app.registers import plc_map
 from app.registers.plc_map import TimeQuality
 
@@ -18,6 +19,7 @@ class DeviceClock:
 
     def __init__(self) -> None:
         self.boots: int | None = None
+        self.restarts = Restarts()
         self._offset: int | None = None
         self._time = 0
         self._began = -inf

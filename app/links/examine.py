@@ -7,7 +7,7 @@ import asyncio
 import logging
 from dataclasses import replace
 
-from app.errors import GATEWAY, BadAnswer, DeviceException, LinkError, NoAnswer
+from app.errors import GATEWAY, BadAnswer, DeviceException, HungUp, LinkError, NoAnswer
 from app.links.bus_access import BusAccess
 from app.links.contract import Block
 from app.links.scan_block import ScanBlock
@@ -115,6 +115,7 @@ class Examiner:
         learned.gaps.update((function, first, last) for first, last in finding.gaps)
         learned.bad.update((function, first, last) for first, last in finding.bad)
         learned.known.update((function, first, last) for first, last in known.intersection(finding.bad))
+        learned.hang_up = learned.hang_up and bool(learned.bad)
         if finding.bad or finding.limit is not None:
             station.look_pause = FIRST_LOOK
         for first, last in finding.bad:
@@ -170,9 +171,10 @@ class Examiner:
                 if error.code not in (*NO_REGISTER, finding.code):
                     raise
                 return error.code or NO_REGISTER[0]
-            except (NoAnswer, BadAnswer):
+            except (NoAnswer, BadAnswer) as error:
                 if not finding.silence:
                     raise
+                finding.hang_up = finding.hang_up or isinstance(error, HungUp)
             await self._hear(station)
         return NO_REGISTER[0]
 
@@ -183,7 +185,8 @@ class Examiner:
             LinkError: it does not.
         """
         silence = NoAnswer(f"unit {station.number}: nothing is read")
-        for turn in range(min(WITNESSES, len(station.blocks)) if not station.answered else 1):
+        most = WITNESSES if station.learned.hang_up else min(WITNESSES, len(station.blocks))
+        for turn in range(most if not station.answered else 1):
             try:
                 await self._bus.read(station, replace(station.probe(turn), again=True))
                 return
@@ -219,6 +222,7 @@ class Examiner:
             learned.bad.clear()
             learned.gaps.clear()
             learned.known.clear()
+            learned.hang_up = False
             for function in (READ_HOLDING, READ_COILS) if known else ():
                 if learned.most(function) < station.proven(function):
                     learned.take_at_most(function, most_read(function))

@@ -6,9 +6,10 @@ from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Any
 
 from app.clock import Clock
-from app.errors import LinkError, NoAnswer, NotConnected, Overtaken, Withdrawn
+from app.errors import HungUp, LinkError, NoAnswer, NotConnected, Overtaken, Withdrawn
 from app.links.contract import Block, LateAnswerDue, Transport
 from app.links.host_event import EventTaker
+from app.links.lane import Lane
 from app.links.scan_block import ScanBlock
 from app.links.schedule import PERMIT, Job, Priority, Schedule
 from app.links.station import Station
@@ -164,6 +165,23 @@ class Line:
         """Whether this program stood still while it waited: the answer may have been there all the time, and tells of the past."""
         self._tags.wake()
         return self._tags.standstills != standstills
+
+    async def _read_on(
+        self, lane: Lane, station: Station | None, unit: int, block: Block, patience: float
+    ) -> list[int]:
+        """What the transport reads. A device that closes the connection at the same registers again and again refuses them.
+
+        Raises:
+            LinkError: as the transport; HungUp: the connection was lost as before, and is open again.
+        """
+        try:
+            return await lane.transport.read(unit, block, patience)
+        except NotConnected as error:
+            if station is None or not lane.answers or not station.hangs_up(block):
+                raise
+            await lane.transport.close()
+            await lane.transport.connect()
+            raise HungUp(f"unit {unit}: connection closed at {block.address:#06x}, {block.count} words") from error
 
     async def _add_others(self, transport: Transport, station: Station, job: Job) -> float:
         """Give the words of `job` the bits of others as they are now; of a Stop as last seen, where the device does not say them.

@@ -91,6 +91,8 @@ class Learned:
     """(function, first, last) of registers that the device refuses."""
     known: set[tuple[int, int, int]] = field(default_factory=set)
     """Of them, those that it had answered before."""
+    hang_up: bool = False
+    """Whether it closes the connection for some of them instead of refusing."""
     gaps: set[tuple[int, int, int]] = field(default_factory=set)
     """(function, first, last) of unused registers that no block may span."""
 

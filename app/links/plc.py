@@ -208,20 +208,20 @@ class PlcUnit:
         return list(found.values())
 
     def _header(self, words: Sequence[int], began: float, ended: float) -> None:
-        station = self._station
-        stood = station.halted or not self._pulse.moved
+        stood = self._station.halted or not self._pulse.moved
         restarted = self.clock.header(words, 0, began, ended, self._bus.clock.micros(), halted=stood)
         crc = words[plc_map.AT_CRC] << 16 | words[plc_map.AT_CRC + 1]
         changed, self.crc = self.crc is not None and crc != self.crc, crc
         self.minor = words[plc_map.AT_MINOR]
+        level = logging.WARNING if (restarted or changed) and self.clock.restarts.seen(ended) else logging.DEBUG
         if changed:
-            log.warning("configuration of the device changed link=%s unit=%d crc=%#010x", *self._where, crc)
+            log.log(level, "configuration of the device changed link=%s unit=%d crc=%#010x", *self._where, crc)
         if restarted:
-            log.warning("device was restarted link=%s unit=%d boots=%d", *self._where, self.clock.boots)
+            log.log(level, "device was restarted link=%s unit=%d boots=%d", *self._where, self.clock.boots)
             self.events.restarted()
-            self._bus.attend(station, self.orders.begin())
-        if (restarted or changed) and station.state is LinkState.UP:
-            for block in station.blocks:
+            self._bus.attend(self._station, self.orders.begin())
+        if (restarted or changed) and self._station.state is LinkState.UP:
+            for block in self._station.blocks:
                 if block.period == inf:
                     self._bus.schedule(block, asyncio.get_running_loop().time())
 

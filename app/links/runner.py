@@ -218,7 +218,7 @@ class LinkRunner(Outages):
         station = self.stations.get(job.unit)
         try:
             if job.read is not None:
-                words = await transport.read(job.unit, job.read, job.timeout)
+                words = await self._read_on(lane, station, job.unit, job.read, job.timeout)
             else:
                 async with station.writing if station is not None else nullcontext():
                     check_permit(job)
@@ -266,7 +266,7 @@ class LinkRunner(Outages):
         ticket = block.ticket
         standstills = self._tags.standstills
         try:
-            words = await lane.transport.read(block.unit, block.block, self._timeout(station, block))
+            words = await self._read_on(lane, station, block.unit, block.block, self._timeout(station, block))
         except NotConnected:
             if ticket == block.ticket:
                 self._schedule.at(block, block.due)  # another connection may do it

@@ -20,6 +20,9 @@ from app.tags.batch import Batch
 from app.tags.database import TagDatabase
 from app.tags.quality import GOOD, HALTED, NOT_CONNECTED, Origin
 
+HANGS_UP = 3
+"""A connection that was lost so often in a row at the same read, and at no other, was closed for that."""
+
 S = TypeVar("S")
 
 
@@ -39,6 +42,10 @@ class Station:
     """Whether it was asked for that, and said nothing."""
     hung_up: int = 0
     """Connections in a row that were lost while it was asked for that."""
+    lost_at: tuple[int, int, int] = (0, 0, 0)
+    """Function, address and count of the read at which the connection was lost last."""
+    losses: int = 0
+    """How often in a row it was lost there, while others were answered."""
     mute: bool = False
     """Whether it said nothing when it was asked for the header of a PLC (plc_instead.py)."""
     state: LinkState = LinkState.CONNECTING
@@ -115,12 +122,26 @@ class Station:
 
     def prove(self, block: Block) -> None:
         """It has answered `block`."""
+        if self.lost_at == (block.function, block.address, block.count):
+            self.lost_at = (0, 0, 0)
         if block.count <= self.proven(block.function):
             return
         if block.function in BITS:
             self.largest_of_bits = block
         else:
             self.largest = block
+
+    def hangs_up(self, block: Block) -> bool:
+        """The connection was lost at `block`; whether the unit closes it for that, and not for whatever it was asked."""
+        at = (block.function, block.address, block.count)
+        self.losses, self.lost_at = self.losses + 1 if at == self.lost_at else 1, at
+        self.learned.hang_up = self.learned.hang_up or self.losses >= HANGS_UP
+        return self.learned.hang_up
+
+    @property
+    def refuses_by_closing(self) -> bool:
+        """Whether there are registers for which it closes the connection."""
+        return self.learned.hang_up and bool(self.learned.bad)
 
     def service(self, kind: type[S]) -> S | None:
         """Its service of one kind; None when it has none."""
@@ -162,8 +183,19 @@ class Station:
         return None
 
     def probe(self, turn: int = 0) -> Block:
-        """One register that the device answered, or should: each `turn` of another block, the fastest first, else the first of its map."""
+        """One register that the device answered, or should: each `turn` of another block, the fastest first, else the first of its map.
+
+        Of a device that closes the connection for some register, also those behind the first of a block: that may be the one.
+        """
         known = self.largest or self.largest_of_bits
+        if (
+            known is None
+            and self.learned.hang_up
+            and self.blocks
+            and (spans := spans_of(self.blocks[turn % len(self.blocks)].points))
+        ):
+            first, _ = spans[turn // len(self.blocks) % len(spans)]
+            return Block(first, 1, self.blocks[turn % len(self.blocks)].block.function)
         if known is None and self.blocks:
             known = self.blocks[turn % len(self.blocks)].block
         if known is not None:
@@ -229,6 +261,8 @@ class Finding:
 
     silence: bool = False
     """Whether it is silence that is examined."""
+    hang_up: bool = False
+    """Whether it closed the connection meanwhile."""
     code: int = 2
     """Refusal that is examined, beside those that are always about registers."""
     taken: int = 1
@@ -237,6 +271,8 @@ class Finding:
     @property
     def what(self) -> str:
         """What is wrong with those in `bad`, for the log."""
+        if self.hang_up:
+            return "connection closed at register"
         if self.silence:
             return "register not answered"
         return "no such register" if self.code == 2 else f"register refused with {self.code:02d}"

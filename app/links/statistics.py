@@ -59,6 +59,7 @@ ERROR_KINDS: Sequence[str] = (
     "exception",
     "overtaken",
     "rejected",
+    "hung_up",
 )
 """`LinkError.kind` by its code in `last_error`; a text key `link.error.<kind>`."""
 

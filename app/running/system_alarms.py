@@ -1,5 +1,6 @@
 """What the server itself has to say as alarms: links, programs, the clock of the simulation, audit, history, tasks."""
 
+import asyncio
 import logging
 from collections.abc import Mapping
 
@@ -8,9 +9,10 @@ from app.alarms.engine import AlarmEngine
 from app.historian.events import Events
 from app.historian.recorder import Recorder
 from app.historian.upkeep import WARN_AT
+from app.links.plc import PlcUnit
 from app.links.register_link import RegisterLink
 from app.links.statistics import LinkState
-from app.plant.definitions import Plant
+from app.plant.definitions import Equipment, Plant
 from app.sim.plant import SimPlant
 from app.supervisor import SupervisedTask
 
@@ -23,7 +25,7 @@ SIMULATION_SLOW = 0.9
 
 
 def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, RegisterLink]) -> None:
-    """Links that are down; machines whose events are only here, or whose program stands still."""
+    """Links that are down or closed by a device; machines whose events are only here, whose program stands still or restarts."""
     tell = alarms.system.report
     for name, link in links.items():
         tell(
@@ -31,11 +33,21 @@ def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, 
             active=link.statistics.state not in (LinkState.UP, LinkState.SOME_SILENT),
             params={"link": name},
         )
+        closed = any(station.refuses_by_closing for station in link.stations.values())
+        tell("connection_closed", active=closed, params={"link": name})
     for item in plant.equipment.values() if plant else ():
         link_of = links.get(item.link)
         count = link_of.only_here(item.id) if link_of else 0
         tell("events_unstored", item.id, active=count > 0, params={"count": count})
         tell("program_halted", item.id, active=link_of is not None and link_of.halted(item.id))
+        tell("device_restarts", item.id, active=link_of is not None and _restarts(link_of, item))
+
+
+def _restarts(link: RegisterLink, item: Equipment) -> bool:
+    """Whether its PLC shows one restart after the other; of several machines on a unit the first one tells."""
+    station = link.stations.get(item.unit)
+    plc = station.service(PlcUnit) if station is not None and station.equipment[0].id == item.id else None
+    return plc is not None and plc.clock.restarts.endless(asyncio.get_running_loop().time())
 
 
 def tell_of_server(alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, recorder: Recorder, events: Events) -> None:

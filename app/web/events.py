@@ -157,7 +157,7 @@ async def size(request: Request) -> Response:
     runtime = view_of(request).runtime(request)
     limit = runtime.settings.export_rows
     found = await read(
-        runtime, lambda connection: search.count(connection, replace(wanted, before=None), limit or 10**9)
+        runtime, lambda connection: search.count(connection, replace(wanted, before=None), limit or 10**9), much=True
     )
     return Response(orjson.dumps({"rows": found, "limit": limit}), media_type="application/json")
 
@@ -259,7 +259,7 @@ async def _list(request: Request, typed: dict[str, str], wanted: EventFilter) ->
             gaps(connection, wanted.equipment, wanted.begin, wanted.end, GAPS_SHOWN) if lost else [],
         )
 
-    found, count, lost, missing = await read(runtime, work)
+    found, count, lost, missing = await read(runtime, work, much=bool(set(chosen) - {"equipment"}))
     last = found[PAGE - 1][0] if len(found) > PAGE else None
     return {
         "events": [draw.row(*one) for one in found[:PAGE]],

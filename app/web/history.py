@@ -44,6 +44,8 @@ SLOWEST_PORTION = 30.0
 LONGEST_EXPORT = 1800.0
 """And when it has not taken all of it within this [s]: a million rows are written in a minute."""
 DEFAULT_WIDTH = 1000
+LITTLE = 86_400_000_000
+"""Curves over more than that, all taken together, are waited for beside exports, and nobody else waits for them [µs]."""
 HOUR = "-1h"
 
 
@@ -81,7 +83,7 @@ async def series(request: Request) -> Response:
         }
 
     return Response(
-        orjson.dumps(await read(runtime, work)),
+        orjson.dumps(await read(runtime, work, much=len(tags) * (end - begin) > LITTLE)),
         media_type="application/json",
         headers={"Cache-Control": "no-store"},
     )
@@ -126,7 +128,7 @@ async def size(request: Request) -> Response:
             return len(found) * settings.count()
         return sum(query.count(connection, one.number, settings.begin, settings.end) for one in found if one)
 
-    rows = await read(runtime, work)
+    rows = await read(runtime, work, much=True)
     return Response(orjson.dumps({"rows": rows, "limit": settings.most_rows}), media_type="application/json")
 
 
@@ -142,14 +144,14 @@ async def progress(request: Request) -> Response:
     return Response(orjson.dumps(mine), media_type="application/json", headers={"Cache-Control": "no-store"})
 
 
-async def read(runtime: "Runtime", work: Callable[[Connection], T]) -> T:
-    """Ask the history.
+async def read(runtime: "Runtime", work: Callable[[Connection], T], *, much: bool = False) -> T:
+    """Ask the history; `much`: for what may take longer than others should wait.
 
     Raises:
         Refused: 503, it cannot be read now.
     """
     try:
-        return await runtime.history.read(work)
+        return await (runtime.history.read_long if much else runtime.history.read)(work)
     except StorageError as error:
         raise Refused("history.unavailable", 503) from error
 

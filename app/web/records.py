@@ -187,7 +187,7 @@ async def size(request: Request, kind: str) -> Response:
     await _check_equipment(request, of, typed["equipment"])
     runtime = view_of(request).runtime(request)
     limit = runtime.settings.export_rows
-    found = await read(runtime, lambda connection: query.count(connection, of, wanted, limit or 10**9))
+    found = await read(runtime, lambda connection: query.count(connection, of, wanted, limit or 10**9), much=True)
     return Response(orjson.dumps({"rows": found, "limit": limit}), media_type="application/json")
 
 
@@ -397,7 +397,7 @@ async def _main(request: Request, kind: RecordKind, typed: dict[str, str], wante
                 )
             return found
 
-        return common | {"machines": await read(runtime, times)}
+        return common | {"machines": await read(runtime, times, much=True)}
 
     if typed["view"] == LAST:
 
@@ -407,7 +407,7 @@ async def _main(request: Request, kind: RecordKind, typed: dict[str, str], wante
             known = query.definitions(connection, [one.definition for one in found if one.definition])
             return record_last.table(draw, found, known, asked, query.parts(connection, [one.id for one in found]))
 
-        return common | await read(runtime, last)
+        return common | await read(runtime, last, much=True)
 
     def work(connection: Connection) -> dict[str, Any]:
         found = query.find(connection, kind, wanted, PAGE + 1)
@@ -425,4 +425,4 @@ async def _main(request: Request, kind: RecordKind, typed: dict[str, str], wante
             "newest": _url(kind, chosen) if typed["before"] else "",
         }
 
-    return common | await read(runtime, work)
+    return common | await read(runtime, work, much=bool(set(chosen) - {"equipment"}))

@@ -99,7 +99,7 @@ async def _read(runtime: "Runtime", plant: Plant, begin: int, end: int) -> Today
     until = max(begin + 1, min(runtime.clock.micros(), end))
     machines = list(plant.equipment.values())
     try:
-        day = await runtime.history.read(lambda connection: read_day(connection, machines, begin, until))
+        day = await runtime.history.read_long(lambda connection: read_day(connection, machines, begin, until))
         stops = await runtime.db.read_long(lambda connection: read_stops(connection, begin, until))
     except StorageError:
         return Today(Day(begin, until), {}, complete=False)

@@ -100,13 +100,13 @@ def drawable(point: Point) -> bool:
     return point.history and point.kind is not Kind.TEXT and point.unit != "time"
 
 
-async def read_history(runtime: "Runtime", work: Any) -> Any:
-    """Read the history.
+async def read_history(runtime: "Runtime", work: Any, *, much: bool = False) -> Any:
+    """Read the history; `much`: for what may take longer than others should wait.
 
     Raises:
         Refused: 503, it cannot be read.
     """
     try:
-        return await runtime.history.read(work)
+        return await (runtime.history.read_long if much else runtime.history.read)(work)
     except StorageError as error:
         raise Refused("trend.unavailable", 503) from error

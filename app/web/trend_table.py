@@ -80,7 +80,7 @@ async def table(request: Request) -> Response:
             statistics(connection, names, begin - earlier, end - earlier, now, before) if earlier else [],
         )
 
-    numbers, others = await read_history(runtime, work)
+    numbers, others = await read_history(runtime, work, much=True)
     words = _Words(lang, zone, now, partial(view_of(request).text, request))
     lines = []
     for i, pen in enumerate(pens):

@@ -1,8 +1,10 @@
 """CSV that opens in a spreadsheet of the reader's language, and can be checked."""
 
+import asyncio
 import csv
 import io
 import math
+import threading
 import tracemalloc
 from datetime import datetime
 from pathlib import Path
@@ -17,7 +19,7 @@ from sqlalchemy import Connection
 from app.clock import to_datetime, to_micros
 from app.db import Database
 from app.errors import ConfigurationError
-from app.historian import store
+from app.historian import query, store
 from app.historian.calendar import intervals
 from app.historian.export import FORMATS, Export, ExportSettings, moment, span, verify_export
 from app.historian.store import HOUR, MINUTE
@@ -316,6 +318,31 @@ async def test_it_streams_and_can_be_given_up(history: Database) -> None:
     await anext(given_up)
     await given_up.aclose()  # type: ignore[attr-defined]
     await history.write(lambda connection: connection.exec_driver_sql("DELETE FROM sample"))
+
+
+@pytest.mark.real_time  # threads that wait for one another
+async def test_who_asks_little_does_not_wait_for_exports(tmp_path: Path) -> None:
+    history = Database(tmp_path / "history.db", "history")
+    history.migrate()
+    goes_on = threading.Event()
+
+    class Slow(Export):
+        def read(self, connection: Connection) -> bytes:
+            goes_on.wait(30)
+            return super().read(connection)
+
+    history.run(two_points)
+    asked = ExportSettings(["m1.speed"], BEGIN, BEGIN + HOUR, ZAGREB)
+    exports = [asyncio.ensure_future(anext(Slow(asked).stream(history))) for _ in range(4)]
+    await asyncio.sleep(0)
+    try:
+        async with asyncio.timeout(10):
+            assert await history.read(lambda connection: query.find(connection, "m1.speed")) is not None
+        assert not any(one.done() for one in exports)
+    finally:
+        goes_on.set()
+        await asyncio.gather(*exports)
+        history.close()
 
 
 @pytest.mark.parametrize(

@@ -25,13 +25,18 @@ class Alarms:
         return {key for (key, _), active in self.active.items() if active}
 
 
-def link(state: LinkState, only_here: int = 0, halted: bool = False) -> Any:
+def link(state: LinkState, only_here: int = 0, halted: bool = False, plc: Any = None, closed: bool = False) -> Any:
     return SimpleNamespace(
-        statistics=SimpleNamespace(state=state), only_here=lambda _: only_here, halted=lambda _: halted
+        statistics=SimpleNamespace(state=state),
+        only_here=lambda _: only_here,
+        halted=lambda _: halted,
+        stations={
+            1: SimpleNamespace(equipment=[PLANT.equipment["c1"]], service=lambda _: plc, refuses_by_closing=closed)
+        },
     )
 
 
-PLANT: Any = SimpleNamespace(equipment={"c1": SimpleNamespace(id="c1", link="hall")})
+PLANT: Any = SimpleNamespace(equipment={"c1": SimpleNamespace(id="c1", link="hall", unit=1)})
 
 
 @pytest.mark.parametrize("state", LinkState)
@@ -47,6 +52,21 @@ def test_events_only_here_and_a_halted_program_are_told_of_their_machine(only_he
     tell_of_links(alarms, PLANT, {"hall": link(LinkState.UP, only_here, halted)})
     assert alarms.active["events_unstored", "c1"] is (only_here > 0)
     assert alarms.active["program_halted", "c1"] is halted
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_device_that_closes_the_connection_at_a_register_is_told(closed: bool) -> None:
+    alarms: Any = Alarms()
+    tell_of_links(alarms, PLANT, {"hall": link(LinkState.UP, closed=closed)})
+    assert ("connection_closed" in alarms.told()) is closed
+
+
+@pytest.mark.parametrize("restarts", [True, False])
+async def test_a_plc_that_restarts_again_and_again_is_told_of_its_machine(restarts: bool) -> None:
+    alarms: Any = Alarms()
+    plc = SimpleNamespace(clock=SimpleNamespace(restarts=SimpleNamespace(endless=lambda _: restarts)))
+    tell_of_links(alarms, PLANT, {"hall": link(LinkState.UP, plc=plc)})
+    assert alarms.active["device_restarts", "c1"] is restarts
 
 
 def server(**changed: Any) -> set[str]:

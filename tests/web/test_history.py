@@ -306,3 +306,24 @@ def _exports() -> Any:
     from app.access.audit.search import Filter
 
     return Filter(kind="history.exported")
+
+
+def test_a_trend_opens_while_exports_and_curves_of_months_are_read(
+    staff: Staff, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those who read much wait for one another, and nobody else for them."""
+    asked: list[str] = []
+
+    async def taken(_work: Any) -> None:
+        asked.append("much")
+        raise StorageError("its readers are taken")
+
+    staff.enter("ana", "viewer")
+    monkeypatch.setattr(runtime_of(staff.client).history, "read_long", taken)
+    for path in ("/trends?tags=m1.speed,m1.current&span=1h", "/trends/recent?tags=m1.speed"):
+        assert staff.client.get(path).status_code == 200, path
+    ask(staff.client, "series", tags="m1.speed,m1.current", from_="-8h", to="now")
+    assert not asked
+    ask(staff.client, "series", 503, tags="m1.speed,m1.current", from_="-60d", to="now")
+    ask(staff.client, "export/size", 503, tags="m1.speed")
+    assert len(asked) == 2

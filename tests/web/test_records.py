@@ -329,7 +329,8 @@ def test_a_history_that_cannot_be_read_says_so(staff: Staff, monkeypatch: pytest
     async def broken(_work: Any) -> Any:
         raise StorageError("history.db: disk I/O error")
 
-    monkeypatch.setattr(runtime_of(staff.client).history, "read", broken)
+    for name in ("read", "read_long"):
+        monkeypatch.setattr(runtime_of(staff.client).history, name, broken)
     get(staff, "/records/passage", 503)
     get(staff, "/api/v1/records/run", 503)
 

@@ -503,7 +503,8 @@ def test_a_history_that_cannot_be_read_is_told(client: TestClient, monkeypatch: 
     async def broken(_work: Any) -> None:
         raise StorageError("disk gone")
 
-    monkeypatch.setattr(runtime_of(client).history, "read", broken)
+    for name in ("read", "read_long"):
+        monkeypatch.setattr(runtime_of(client).history, name, broken)
     for path in (f"/trends/table?tags=m1.speed&from={BEGIN}&to={END}", "/trends/recent?tags=m1.speed"):
         status, text = told(client, path)
         assert status == 503

@@ -95,7 +95,7 @@ async def events(
         missing = gaps(connection, equipment, since, until) if lost else []
         return search.find(connection, wanted, limit + 1), lost, missing
 
-    found, lost, missing = await read(runtime_of(request), work)
+    found, lost, missing = await read(runtime_of(request), work, much=True)
     shown, draw = found[:limit], EventWords(request)
     return EventsOut(
         events=[_event(request, draw, one) for one in shown],

@@ -82,7 +82,7 @@ async def history(
         found = [_traced(connection, runtime, name, "query.tags") for name in names]
         return [_series(connection, one, first, last, width) for one in found]
 
-    return await read(runtime, work)
+    return await read(runtime, work, much=True)
 
 
 @router.get("/history/{name}/raw", dependencies=[allow("export"), declared])
@@ -103,7 +103,7 @@ async def raw(
         number = found.number
         return found, [] if number is None else query.page(connection, number, first - 1, last, limit + 1)
 
-    found, rows = await read(runtime, work)
+    found, rows = await read(runtime, work, much=True)
     return RawOut(
         tag=name,
         unit=found.unit,

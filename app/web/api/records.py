@@ -200,7 +200,7 @@ async def records(
             made.append(said)
         return made, f"{shown[-1].begun}-{shown[-1].id}" if len(found) > limit else None
 
-    made, following = await read(runtime, work)
+    made, following = await read(runtime, work, much=True)
     told = [equipment] if equipment else [item.id for item in keeping(runtime.plant, kind)]
     return RecordsOut(records=made, waiting=runtime.events.unstored(told), next=following)
 
