@@ -184,6 +184,15 @@ def test_names_of_areas_keep_off_the_ruler(plant: Page) -> None:
         assert plant.evaluate(OFF_THE_RULER) == [], size
 
 
+def test_the_beam_of_a_sensor_crosses_no_number_of_a_product(plant: Page) -> None:
+    """It is drawn around in the colour of what it stands on."""
+    open_page(plant, f"{origin(plant)}/equipment/c1")
+    drawn = "(one) => { const { paintOrder, strokeWidth } = getComputedStyle(one); return [paintOrder, parseFloat(strokeWidth)]; }"
+    order, width = plant.locator(".prod .p-id").first.evaluate(drawn)
+    assert order.startswith("stroke")
+    assert width >= 3
+
+
 def test_a_cycle_that_is_suspended_cannot_be_suspended_again(plant: Page) -> None:
     """A drive that trips suspends it."""
     page = plant

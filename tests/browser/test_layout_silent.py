@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.looks import CUT, FAULTS, SIZES, open_page
-from tests.browser.station import LANGUAGES, Sit, Stations, fault, instruct, lay_out, origin, serving, speak
+from tests.browser.looks import AXE_RUN, CUT, FAULTS, SIZES, open_page
+from tests.browser.station import AXE, LANGUAGES, Sit, Stations, fault, instruct, lay_out, origin, serving, speak
 from tests.browser.test_layout_machines import MACHINES
 
 SCREENS = {
@@ -59,4 +59,19 @@ def test_an_overview_of_machines_that_say_nothing_is_whole(silent: Page, lang: s
 @pytest.mark.parametrize("lang", ["hr", "de"])
 def test_a_machine_that_says_nothing_is_whole(silent: Page, lang: str) -> None:
     found = looked(silent, tuple(f"/equipment/{machine}" for machine in MACHINES if machine != "m2"), lang)
+    assert found == [], "\n".join(["", *found])
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_what_is_not_known_has_no_barrier_in_any_theme(silent: Page, theme: str) -> None:
+    """Faulted, stale and dead: what is drawn for that has the contrast of everything else."""
+    speak(silent, "en", origin(silent))
+    lay_out(silent, 1280, 800, "desk")
+    silent.context.add_cookies([{"name": "pogon_theme", "value": theme, "url": origin(silent)}])
+    found: list[str] = []
+    for path in ("/", "/alarms", "/communication", *(f"/equipment/{machine}" for machine in MACHINES)):
+        open_page(silent, origin(silent) + path)
+        silent.evaluate(AXE.read_text("utf-8"))
+        found += [f"{path}: {one}" for one in silent.evaluate(AXE_RUN)]
+    silent.context.add_cookies([{"name": "pogon_theme", "value": "auto", "url": origin(silent)}])
     assert found == [], "\n".join(["", *found])

@@ -1,0 +1,140 @@
+"""While a command is on its way, when the device refuses or says nothing, all that is said is whole and every command above Stop."""
+
+import time
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from app.plant.texts import Texts
+from tests.browser.looks import CUT, FAULTS, SIZES, STOP, open_page
+from tests.browser.station import (
+    LANGUAGES,
+    Sit,
+    Stations,
+    built,
+    instruct,
+    lay_out,
+    let_go,
+    origin,
+    serving,
+    speak,
+    take,
+)
+from tests.browser.test_layout_machines import MACHINES
+
+SCREENS = {"panel": SIZES["panel"], "small": SIZES["small"], "phone": SIZES["phone"]} | {
+    "ten inches": (1024, 768, "desk"),
+    "low": (1280, 720, "desk"),
+}
+KINDS = tuple(one for one in MACHINES if one != "m2")
+"""Machines that differ."""
+SENT = {"m1": "coast", "c1": "reset", "cc1": "reset", "cr1": "reset", "a1": "move_relative"}
+"""Machine → a command that it takes as it stands, or stopped."""
+IN_ORDER, CABLE_PULLED, SLOW, REFUSES = (
+    {"mode": mode, "delay": delay, "argument": "4", "count": "0"}
+    for mode, delay in (("0", "0"), ("1", "0"), ("2", "150"), ("7", "0"))
+)
+"""What becomes of the line of a machine."""
+UNSAID = """(words) => { // what is said of a Stop beside it and in the message line, each of which is seen
+  const said = [document.querySelector('.op > .stop small'), document.querySelector('#message')];
+  return said.filter((one) => !one.checkVisibility({ visibilityProperty: true }) || getComputedStyle(one).clipPath === 'inset(50%)'
+    || !one.textContent.includes(words)).map((one) => `${one.localName}${one.id} does not say so: ${one.textContent.trim()}`);
+}"""
+
+
+@pytest.fixture
+def plant(stations: Stations, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    """A page of the demo plant as it was built."""
+    with serving(tmp_path_factory.mktemp("sent"), {"ana": ("admin", "engineer", "operator")}) as running:
+        seat = Sit(stations, running, {}, "ana", "/alarms")
+        yield seat()
+        seat.leave()
+
+
+def wrong(page: Page, *checks: str) -> list[str]:
+    """What is wrong at each of SCREENS; on a telephone commands are scrolled for. The page is left at the panel's size."""
+    found: list[str] = []
+    for name, (width, height, profile) in SCREENS.items():
+        lay_out(page, width, height, profile)
+        asked = [FAULTS, *checks, *([] if name == "phone" else [CUT])]
+        found += [f"{name}: {one}" for check in asked for one in page.evaluate(check)]
+        found += [f"{name}: no Stop in sight" for _ in range(not page.evaluate(STOP, height))]
+    lay_out(page, *SIZES["panel"])
+    return found
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_while_a_command_is_sent_every_other_is_above_stop(plant: Page, lang: str) -> None:
+    """All say that another is being sent; the page is kept so as long as it takes to look at."""
+    page, found = plant, []
+    busy = Texts.read().text(lang, "why.busy").split("{")[0]
+    speak(page, lang, origin(page))
+    for machine, key in SENT.items():
+        open_page(page, f"{origin(page)}/equipment/{machine}")
+        take(page)
+        sent = page.locator(f".zone [data-command='{machine}.{key}']")
+        if sent.get_attribute("aria-disabled"):
+            page.click(".op > .stop")
+        expect(sent).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
+        instruct(page, f"{machine}/line", **SLOW)
+        sent.click()
+        keep_while_it_says(page, machine, busy)
+        found += [f"{machine} {one}" for one in wrong(page)]
+        page.unroute_all()
+        instruct(page, f"{machine}/line", **IN_ORDER)
+        built(page, machine)
+        open_page(page, f"{origin(page)}/equipment/{machine}")
+        let_go(page)
+    assert found == [], "\n".join(["", *found])
+
+
+def keep_while_it_says(page: Page, machine: str, words: str) -> None:
+    """Wait until commands of the machine say these `words`; the page on which they are is answered so from then on."""
+    url, end = f"{origin(page)}/equipment/{machine}/commands", time.monotonic() + 10
+    while words not in (text := page.request.get(url, max_retries=1).text()):
+        assert time.monotonic() < end, page.inner_text("#message")
+    page.route(url, lambda route: route.fulfill(body=text, content_type="text/html; charset=utf-8"))
+    page.evaluate("htmx.trigger(document.querySelector('[data-operation]'), 'again')")
+    expect(page.locator(".op .cmd[aria-disabled=true] small", has_text=words).first).to_be_attached()
+
+
+def test_what_a_machine_says_that_refuses_all_is_whole(plant: Page) -> None:
+    """Its values cannot be used, and each command says which one it lacks."""
+    page, found = plant, []
+    for machine in KINDS:
+        open_page(page, f"{origin(page)}/equipment/{machine}")
+        take(page)
+    for machine in KINDS:
+        instruct(page, f"{machine}/line", **REFUSES)
+    for machine in KINDS:
+        for lang in LANGUAGES:
+            speak(page, lang, origin(page))
+            open_page(page, f"{origin(page)}/equipment/{machine}")
+            found += [f"{lang} {machine} {one}" for one in wrong(page)]
+    assert found == [], "\n".join(["", *found])
+
+
+def test_that_a_stop_was_not_confirmed_is_told_whole(plant: Page) -> None:
+    """While it is sent, then that it was not: beside it, in the message line and above all pages."""
+    page, found = plant, []
+    for machine in KINDS:
+        open_page(page, f"{origin(page)}/equipment/{machine}")
+        take(page)
+    for machine in KINDS:
+        instruct(page, f"{machine}/line", **CABLE_PULLED)
+    for machine in KINDS:
+        open_page(page, f"{origin(page)}/equipment/{machine}")
+        with page.expect_response(lambda answer: answer.url.endswith("/stop")):
+            page.click(".op > .stop")
+        speak(page, "de", origin(page))
+        open_page(page, f"{origin(page)}/equipment/{machine}")
+        found += [f"sent {machine} {one}" for one in wrong(page)]
+    for lang in ("hr", "de"):
+        words = Texts.read().text(lang, "why.stop_not_confirmed").split("{")[0]
+        speak(page, lang, origin(page))
+        for machine in KINDS:
+            open_page(page, f"{origin(page)}/equipment/{machine}")
+            expect(page.locator(".op > .stop small").first).to_contain_text(words, timeout=30_000)
+            found += [f"{lang} {machine} {one}" for one in [*wrong(page), *page.evaluate(UNSAID, words)]]
+    assert found == [], "\n".join(["", *found])
