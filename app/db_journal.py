@@ -7,6 +7,7 @@ sqlite.org/fileformat2.html section 4, sqlite.org/walformat.html section 2.
 
 import ctypes
 import os
+import select
 import signal
 import struct
 import sys
@@ -28,8 +29,8 @@ INITIALISED = 12
 """Where the index says that it is one."""
 INDEX_LENGTH = 1 << 21
 """An index that was cut is made at least so long again [bytes]: enough for 260 000 frames; what nobody writes takes no room."""
-CHANGING = 100
-"""So many times an index is read that somebody is writing."""
+CHANGING, CHANGING_PAUSE = 100, 0.001
+"""So many times an index is read that somebody is writing, and the pause between [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +93,8 @@ class Journal:
         index = None
         for _ in range(CHANGING):
             index = self._read()
-            if index is None:  # or somebody is writing it just now
-                os.sched_yield()
+            if index is None:  # or somebody is writing it just now, perhaps a process that waits for its turn
+                select.select([], [], [], CHANGING_PAUSE)
             elif self._is_whole(index):
                 self._note(index)
                 return False
@@ -233,7 +234,11 @@ def _catch_bus_errors() -> None:
     set_handler.argtypes = (ctypes.c_int, ctypes.c_void_p)
 
     def on_bus_error(number: int) -> None:
-        if not [one for one in _opened if one.lengthen()]:
+        try:
+            ours = [one for one in _opened if one.lengthen()]
+        except OSError:
+            ours = []
+        if not ours:
             set_handler(number, _handlers[1])  # none of ours: as it would have been
 
     handler = ctypes.CFUNCTYPE(None, ctypes.c_int)(on_bus_error)
