@@ -27,8 +27,8 @@ PERIOD = 1.0
 """How often is looked [s]."""
 NOTE_PERIOD = 60.0
 """How often is noted until when the history was recorded [s]."""
-CHECKPOINT_PERIOD = 10.0
-"""How often the journal of the history is carried into its file [s]; two commits a second are written meanwhile."""
+CHECKPOINT_PERIOD = 60.0
+"""How often the journal of the history is carried into its file [s]: each time writes every page that has changed once more."""
 KNOWN = "sys.history"
 """Under which id the history is remembered among the retained states."""
 OLDER = 5 * 60_000_000
