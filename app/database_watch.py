@@ -27,8 +27,9 @@ PERIOD = 1.0
 """How often is looked [s]."""
 NOTE_PERIOD = 60.0
 """How often is noted until when the history was recorded [s]."""
-CHECKPOINT_PERIOD = 60.0
-"""How often the journal of the history is carried into its file [s]: each time writes every page that has changed once more."""
+CHECKPOINT_PERIOD = 600.0
+"""How often the journals are carried into their files [s]: each time writes every page that has changed once more. What the audit
+tells of, such as who signed in, is carried at the next look."""
 KNOWN = "sys.history"
 """Under which id the history is remembered among the retained states."""
 OLDER = 5 * 60_000_000
@@ -48,8 +49,9 @@ class DatabaseWatch:
         retained: RetainedStates,
         clock: Clock,
         zone: Callable[[], ZoneInfo],
+        audited: Callable[[], int],
     ) -> None:
-        """`zone` says in which zone times are told."""
+        """`zone` says in which zone times are told, `audited` which line of the audit is the newest."""
         self._people = people
         self._history = history
         self._recorder = recorder
@@ -63,6 +65,9 @@ class DatabaseWatch:
         self._recognised = False
         self._noted = 0.0
         self._checkpoint_at = 0.0
+        self._audited = audited
+        self._carried = 0
+        """Newest line of the audit when `pogon.db` was carried into its file."""
 
     async def load(self) -> None:
         """Read what is remembered of the history, and compare it when it can be opened; one that is rubbish is put aside."""
@@ -80,8 +85,11 @@ class DatabaseWatch:
         """Look once."""
         for database in (self._people, self._history):
             await self._look_at(database)
-        self._people.checkpoint()
-        if self._clock.monotonic() >= self._checkpoint_at:
+        due, line = self._clock.monotonic() >= self._checkpoint_at, self._audited()
+        if due or line != self._carried:
+            self._carried = line
+            self._people.checkpoint()
+        if due:
             self._checkpoint_at = self._clock.monotonic() + CHECKPOINT_PERIOD
             self._history.checkpoint()
         await self.recognise()

@@ -8,6 +8,7 @@
     │   ├── NoAnswer         silence until the time-out
     │   ├── NotConnected     the line or the socket is not there
     │   ├── BadAnswer        an answer came and is not one to this request (length, unit, function, check sum)
+    │   │   └── HungUp       instead of it the device closed the connection, as it did before
     │   ├── DeviceException  the device answered with a Modbus exception code
     │   ├── Overtaken        a write that was never sent, because a Stop came before it
     │   ├── Withdrawn        a write that was never sent, because whoever asked for it may no more

@@ -111,8 +111,7 @@ class Runtime:
         self.ring_events: RingEvents
         """How that comes to the alarms and into the history."""
         self.derived: DerivedPoints
-        self.files: DatabaseWatch
-        """Whether the files of both databases are still there."""
+        self.files: DatabaseWatch  # whether the files of both databases are still there
         self.access: Access  # people, sessions and the audit
         self.alarms: AlarmEngine  # all alarms
         self.command_ends: CommandEnds  # what became of commands
@@ -200,6 +199,7 @@ class Runtime:
             retained,
             self.clock,
             lambda: ZoneInfo(self.plant.timezone if self.plant else "UTC"),
+            lambda: self.access.audit.newest,
         )
         self.tags.subscribe(self.derived.follow)
         self.tags.on_standstill(self.derived.interrupted)
@@ -362,7 +362,7 @@ class Runtime:
         return bool(self.links) and all(link.simulated for link in self.links.values())
 
     def _tell_alarms(self) -> None:
-        tell_of_links(self.alarms, self.plant, self.links)
+        tell_of_links(self.alarms, self.plant, self.links, self.clock.monotonic())
         tell_of_server(self.alarms, self.sim, self.access.audit, self.recorder, self.events)
 
 

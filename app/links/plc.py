@@ -208,12 +208,12 @@ class PlcUnit:
         return list(found.values())
 
     def _header(self, words: Sequence[int], began: float, ended: float) -> None:
-        stood = self._station.halted or not self._pulse.moved
-        restarted = self.clock.header(words, 0, began, ended, self._bus.clock.micros(), halted=stood)
+        stood, clock = self._station.halted or not self._pulse.moved, self._bus.clock
+        restarted = self.clock.header(words, 0, began, ended, clock.micros(), halted=stood)
         crc = words[plc_map.AT_CRC] << 16 | words[plc_map.AT_CRC + 1]
-        changed, self.crc = self.crc is not None and crc != self.crc, crc
-        self.minor = words[plc_map.AT_MINOR]
-        level = logging.WARNING if (restarted or changed) and self.clock.restarts.seen(ended) else logging.DEBUG
+        changed, self.crc, self.minor = self.crc is not None and crc != self.crc, crc, words[plc_map.AT_MINOR]
+        first = (restarted or changed) and self.clock.restarts.seen(clock.monotonic())
+        level = logging.WARNING if first else logging.DEBUG
         if changed:
             log.log(level, "configuration of the device changed link=%s unit=%d crc=%#010x", *self._where, crc)
         if restarted:

@@ -1,6 +1,5 @@
 """What the server itself has to say as alarms: links, programs, the clock of the simulation, audit, history, tasks."""
 
-import asyncio
 import logging
 from collections.abc import Mapping
 
@@ -24,8 +23,11 @@ SIMULATION_SLOW = 0.9
 """Slower than this, compared with real time: an alarm."""
 
 
-def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, RegisterLink]) -> None:
-    """Links that are down or closed by a device; machines whose events are only here, whose program stands still or restarts."""
+def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, RegisterLink], now: float) -> None:
+    """Links that are down or closed by a device; machines whose events are only here, whose program stands still or restarts.
+
+    `now`: monotonic [s].
+    """
     tell = alarms.system.report
     for name, link in links.items():
         tell(
@@ -40,14 +42,14 @@ def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, 
         count = link_of.only_here(item.id) if link_of else 0
         tell("events_unstored", item.id, active=count > 0, params={"count": count})
         tell("program_halted", item.id, active=link_of is not None and link_of.halted(item.id))
-        tell("device_restarts", item.id, active=link_of is not None and _restarts(link_of, item))
+        tell("device_restarts", item.id, active=link_of is not None and _restarts(link_of, item, now))
 
 
-def _restarts(link: RegisterLink, item: Equipment) -> bool:
+def _restarts(link: RegisterLink, item: Equipment, now: float) -> bool:
     """Whether its PLC shows one restart after the other; of several machines on a unit the first one tells."""
     station = link.stations.get(item.unit)
     plc = station.service(PlcUnit) if station is not None and station.equipment[0].id == item.id else None
-    return plc is not None and plc.clock.restarts.endless(asyncio.get_running_loop().time())
+    return plc is not None and plc.clock.restarts.endless(now)
 
 
 def tell_of_server(alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, recorder: Recorder, events: Events) -> None:

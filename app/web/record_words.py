@@ -100,7 +100,7 @@ class RecordWords:
                 return self.text(f"{name}.{value}") if value else ""
             case Type.NAME:
                 told = self.label(definition.labels.get(str(value), {})) or str(value or "")
-                missing = f"missing.{name}"
+                missing = f"page.missing_{name}"
                 return self.text(missing, name=told) if told and self._says(missing) else told
             case Type.PART:
                 if not value:

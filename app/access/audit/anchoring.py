@@ -84,6 +84,11 @@ class Anchoring:
         due = seq - self._anchored >= ANCHOR_LINES or self._clock.monotonic() - self._anchored_at >= ANCHOR_PERIOD
         return seq > self._anchored and due
 
+    @property
+    def newest(self) -> int:
+        """Number of the line that was committed last; 0 = none that is known."""
+        return self._newest[0]
+
     def committed(self, seq: int, mac: str) -> None:
         """The database has the line `seq` with this mac: it is the head from now on, unless a newer one is; `write_head` notes it."""
         if seq > self._newest[0]:

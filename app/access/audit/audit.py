@@ -77,6 +77,11 @@ class Audit:
         return not self._overdue
 
     @property
+    def newest(self) -> int:
+        """Number of the line that was committed last; 0 = none that is known."""
+        return self._anchoring.newest
+
+    @property
     def intact(self) -> bool:
         """False once verifying found a line that is not in order."""
         return self.verdict is None or self.verdict.ok
