@@ -28,8 +28,8 @@ from app.cli_access import terminal
 from app.clock import SystemClock
 from app.db import Database
 from app.plant import types
-from tests.light import light, read_once
-from tests.virtual import VirtualLoop
+from tests.light import NAMES, light, read_once
+from tests.virtual import VirtualLoop, inline
 from tests.warm import Forked, Stem
 
 sys.dont_write_bytecode = False  # two thirds of what it takes to collect all tests is their compilation
@@ -315,3 +315,14 @@ def browser_type_launch_args() -> dict[str, Any]:
 @pytest.fixture(scope="session")
 def browser_context_args() -> dict[str, Any]:
     return {"viewport": {"width": 1280, "height": 800}, "locale": "en-GB", "timezone_id": "Europe/Zagreb"}
+
+
+@pytest.fixture(scope="module")
+def empty_databases(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with both databases as they are made."""
+    folder = tmp_path_factory.mktemp("empty")
+    for name in NAMES:
+        database = Database(folder / f"{name}.db", name, inline)
+        database.migrate()
+        database.close()
+    return folder

@@ -6,36 +6,22 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Literal
 
 import pytest
 
 from app.db import Database
 from app.db_file import Incident, Loss, Mended
+from tests.databases import TABLE, Name
 from tests.virtual import inline
-
-Name = Literal["pogon", "history"]
-TABLE: dict[Name, str] = {"pogon": "retained (id, state)", "history": "mark (name, t)"}
-
-
-@pytest.fixture(scope="module")
-def empty(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with both databases as they are made."""
-    folder = tmp_path_factory.mktemp("empty")
-    for name in TABLE:
-        database = Database(folder / f"{name}.db", name, inline)
-        database.migrate()
-        database.close()
-    return folder
 
 
 @pytest.fixture
-def opened(tmp_path: Path, empty: Path) -> Iterator[Callable[[Name], Database]]:
+def opened(tmp_path: Path, empty_databases: Path) -> Iterator[Callable[[Name], Database]]:
     made: list[Database] = []
 
     def make(name: Name) -> Database:
         (tmp_path / "data").mkdir(exist_ok=True)
-        database = Database(Path(shutil.copy(empty / f"{name}.db", tmp_path / "data")), name, inline)
+        database = Database(Path(shutil.copy(empty_databases / f"{name}.db", tmp_path / "data")), name, inline)
         database.migrate()
         made.append(database)
         return database

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 from random import Random
-from typing import Literal
 
 import pytest
 from sqlalchemy import Connection
@@ -16,30 +15,18 @@ from sqlalchemy import Connection
 from app.db import Database
 from app.db_file import Loss, Mended
 from app.errors import StorageError
+from tests.databases import TABLE, Name
 from tests.virtual import inline
 
-Name = Literal["pogon", "history"]
-TABLE: dict[Name, str] = {"pogon": "retained (id, state)", "history": "mark (name, t)"}
 NOISE = Random(1)
 LONG = "x" * 3000
 """Makes a row fill a page of its own."""
 
 
-@pytest.fixture(scope="module")
-def empty(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with both databases as they are made."""
-    folder = tmp_path_factory.mktemp("empty")
-    for name in TABLE:
-        database = Database(folder / f"{name}.db", name, inline)
-        database.migrate()
-        database.close()
-    return folder
-
-
 @pytest.fixture(params=["pogon", "history"])
-def database(request: pytest.FixtureRequest, tmp_path: Path, empty: Path) -> Iterator[Database]:
+def database(request: pytest.FixtureRequest, tmp_path: Path, empty_databases: Path) -> Iterator[Database]:
     name: Name = request.param
-    database = Database(Path(shutil.copy(empty / f"{name}.db", tmp_path)), name, inline)
+    database = Database(Path(shutil.copy(empty_databases / f"{name}.db", tmp_path)), name, inline)
     database.migrate()
     yield database
     database.close()
@@ -271,9 +258,9 @@ async def test_what_is_being_written_when_the_journal_is_cut_is_refused_or_whole
 
 
 @pytest.mark.real_time  # threads beside one another
-async def test_a_journal_in_use_is_never_taken_for_damaged(tmp_path: Path, empty: Path) -> None:
+async def test_a_journal_in_use_is_never_taken_for_damaged(tmp_path: Path, empty_databases: Path) -> None:
     """While another thread writes, checkpoints and reads, and another program does."""
-    database = Database(Path(shutil.copy(empty / "history.db", tmp_path)), "history")
+    database = Database(Path(shutil.copy(empty_databases / "history.db", tmp_path)), "history")
     database.migrate()
     try:
         for number in range(200):

@@ -1,6 +1,5 @@
 """The audit on screen and as CSV: who did what, where, from what to what, and whether the chain holds."""
 
-import math
 import re
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import suppress
@@ -281,13 +280,8 @@ def _written(request: Request, params: Mapping[str, str]) -> dict[str, object]:
 
 def _amount(request: Request, value: str) -> str:
     """A number that the text of a condition names, as the screen wrote it."""
-    try:
-        number = float(value)
-    except ValueError:
-        return value
-    if not math.isfinite(number):
-        return value
-    return fmt.number(number, fmt.shortest(number, 1), language.language_of(request))
+    number = audit_words.number_of(value)
+    return value if number is None else fmt.number(number, fmt.shortest(number, 1), language.language_of(request))
 
 
 def _reason(request: Request, line: Record) -> str:

@@ -105,7 +105,7 @@ def _of_command(request: Request, line: Record, item: Equipment, key: str) -> tu
     arguments = {one.name: one for one in command.arguments} if command else {}
 
     def pair(name: str, text: str) -> str:
-        value, argument = _number(text), arguments.get(name)
+        value, argument = number_of(text), arguments.get(name)
         if argument is not None:
             unit = fmt.unit_symbol(argument.unit, drawn.text)
             said = text if value is None else fmt.quantity(value, argument.decimals, unit, drawn.lang)
@@ -123,7 +123,7 @@ def _of_command(request: Request, line: Record, item: Equipment, key: str) -> tu
 
 def of_point(drawn: EquipmentView, point: Point, text: str) -> str:
     """A value of `point` that is written down as `text`: the text of a state, or a number with its unit."""
-    value = _number(text)
+    value = number_of(text)
     if value is None:
         return text
     if (label := point.texts.get(int(value))) and value.is_integer():
@@ -204,7 +204,7 @@ def _fault(drawn: EquipmentView, code: int) -> str:
     return drawn.t(key).replace("{n}", str(code % (10 if code < 100 else 100))) if key else str(code)
 
 
-def _number(text: str) -> float | None:
+def number_of(text: str) -> float | None:
     """The number that was written down as `text`. What somebody typed and the gate refused, such as `nan` or `1_000`, is none."""
     value = float(text) if _AS_WRITTEN.fullmatch(text) else nan
     return value if isfinite(value) else None

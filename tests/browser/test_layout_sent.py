@@ -99,14 +99,19 @@ def keep_while_it_says(page: Page, machine: str, words: str) -> None:
     expect(page.locator(".op .cmd[aria-disabled=true] small", has_text=words).first).to_be_attached()
 
 
-def test_what_a_machine_says_that_refuses_all_is_whole(plant: Page) -> None:
-    """Its values cannot be used, and each command says which one it lacks."""
-    page, found = plant, []
+def led_over_a_line(page: Page, **what: str) -> None:
+    """Take control of each machine, then let that become of its line."""
     for machine in KINDS:
         open_page(page, f"{origin(page)}/equipment/{machine}")
         take(page)
     for machine in KINDS:
-        instruct(page, f"{machine}/line", **REFUSES)
+        instruct(page, f"{machine}/line", **what)
+
+
+def test_what_a_machine_says_that_refuses_all_is_whole(plant: Page) -> None:
+    """Its values cannot be used, and each command says which one it lacks."""
+    page, found = plant, []
+    led_over_a_line(page, **REFUSES)
     for machine in KINDS:
         for lang in LANGUAGES:
             speak(page, lang, origin(page))
@@ -118,11 +123,7 @@ def test_what_a_machine_says_that_refuses_all_is_whole(plant: Page) -> None:
 def test_that_a_stop_was_not_confirmed_is_told_whole(plant: Page) -> None:
     """While it is sent, then that it was not: beside it, in the message line and above all pages."""
     page, found = plant, []
-    for machine in KINDS:
-        open_page(page, f"{origin(page)}/equipment/{machine}")
-        take(page)
-    for machine in KINDS:
-        instruct(page, f"{machine}/line", **CABLE_PULLED)
+    led_over_a_line(page, **CABLE_PULLED)
     for machine in KINDS:
         open_page(page, f"{origin(page)}/equipment/{machine}")
         with page.expect_response(lambda answer: answer.url.endswith("/stop")):
