@@ -27,6 +27,23 @@ ENDS = """(group) => {
 }"""
 """Where the ends of the box of a product and its thick edge are drawn at this very moment [user units]."""
 DRAWN = f"() => [...document.querySelectorAll('.prod:not([display])')].map({ENDS})"
+PUT = """async (cells) => {
+  const given = Object.entries(cells).map(([key, value]) => [`product_20_${key}`, { value, state: 'good' }]);
+  const look = () => {
+    const group = document.querySelector('[data-slot="20"]');
+    group.dispatchEvent(new CustomEvent('tags', { bubbles: true, detail: Object.fromEntries(given) }));
+    return group;
+  };
+  let group = look();
+  await null; await null;
+  while (!group.querySelector('.p-body').style.transform) {  // the picture came anew, and its script has not seen it yet
+    await new Promise(requestAnimationFrame);
+    group = look();
+    await null; await null;
+  }
+  return group;
+}"""
+"""Draws a product with these cells in the last slot, and gives its group at once: before the next frame."""
 FOLLOW = f"""(product) => new Promise((done) => {{
   const ends = {ENDS}, named = (group) => group.querySelector('.p-id').textContent === product;
   const group = [...document.querySelectorAll('.prod:not([display])')].find(named), seen = [], began = document.timeline.currentTime;
@@ -121,18 +138,13 @@ def test_a_product_goes_from_entry_to_unloading_without_a_jump(sit: Sit) -> None
 def test_another_product_in_the_same_slot_does_not_glide_there(sit: Sit) -> None:
     page = sit(reduced_motion=GLIDES)
     places = page.evaluate(
-        """() => {
-          const group = document.querySelector('[data-slot="20"]'), body = group.querySelector('.p-body');
-          const cell = (value) => ({ value, state: 'good' });
-          const put = async (id, head) => {
-            const cells = { id, state: 1, head, tail: head - 30, direction: 0 };
-            const detail = Object.fromEntries(Object.entries(cells).map(([key, value]) => [`product_20_${key}`, cell(value)]));
-            group.dispatchEvent(new CustomEvent('tags', { bubbles: true, detail }));
-            await null; await null;
+        f"""() => {{
+          const put = {PUT}, place = async (id, head) => {{
+            const body = (await put({{ id, state: 1, head, tail: head - 30, direction: 0 }})).querySelector('.p-body');
             return [new DOMMatrix(getComputedStyle(body).transform).m41, new DOMMatrix(body.style.transform).m41];
-          };
-          return (async () => [await put(901, 600), await put(901, 603), await put(902, 140), await put(902, 500)])();
-        }"""
+          }};
+          return (async () => [await place(901, 600), await place(901, 603), await place(902, 140), await place(902, 500)])();
+        }}"""
     )
     (first, there), (gliding, target), (other, place), (jumped, far) = places
     assert first == pytest.approx(there) and other == pytest.approx(place) and jumped == pytest.approx(far)
@@ -143,15 +155,9 @@ def test_the_thick_edge_changes_ends_when_the_line_reverses_and_the_product_stay
     page = sit(reduced_motion=GLIDES)
     forward, backward = page.evaluate(
         f"""async () => {{
-          const ends = {ENDS}, group = document.querySelector('[data-slot="20"]');
-          const put = async (cells) => {{
-            const given = Object.entries({{ id: 903, state: 1, ...cells }});
-            const detail = Object.fromEntries(given.map(([key, value]) => [`product_20_${{key}}`, {{ value, state: 'good' }}]));
-            group.dispatchEvent(new CustomEvent('tags', {{ bubbles: true, detail }}));
-            await null; await null;
-            return ends(group);
-          }};
-          return [await put({{ head: 330, tail: 300, direction: 0 }}), await put({{ head: 300, tail: 330, direction: 1 }})];
+          const ends = {ENDS}, put = {PUT}, product = {{ id: 903, state: 1 }};
+          return [ends(await put({{ ...product, head: 330, tail: 300, direction: 0 }})),
+                  ends(await put({{ ...product, head: 300, tail: 330, direction: 1 }}))];
         }}"""
     )
     assert (forward["left"], forward["right"]) == pytest.approx((backward["left"], backward["right"]))

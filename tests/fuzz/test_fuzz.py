@@ -119,7 +119,7 @@ def test_the_mistake_that_began_this_is_found(monkeypatch: pytest.MonkeyPatch) -
         except ValueError:
             return None
 
-    monkeypatch.setattr("app.web.audit_words._number", number)
+    monkeypatch.setattr("app.web.audit_words.number_of", number)
     fields = {"argument": "NaN", "csrf": CSRF, "nonce": NONCE, "id": FRESH}
     odd = Request("ada", "POST", "/equipment/a1/setpoint/target", tuple(fields.items()), fragment=True)
     verdict = played(6, "epos", lambda _: (Request("ivo", "GET", "/alarms"), odd))
