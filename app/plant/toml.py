@@ -24,12 +24,13 @@ LONGEST_TEXT = 4_000
 WHOLE_NUMBERS = range(-(2**63), 2**63)
 """As TOML promises them."""
 
+_TEXT = r'''"""(?:[^"\\]|\\.|"(?!""))*+(?:"{3,5})?|\'\'\'(?:[^']|'(?!''))*+(?:'{3,5})?|"(?:[^"\\\n]|\\.)*+"?|'[^'\n]*+'?|\#[^\n]*+'''
+"""A text or a comment; one that does not end goes to the end of its line or of all, as it would else be looked for at each of its signs."""
 TOKEN = re.compile(
-    r'''"""(?:[^"\\]|\\.|"(?!""))*+"""(?:"{0,2})|\'\'\'(?:[^']|'(?!''))*+\'\'\'(?:'{0,2})'''  # texts over many lines
-    r"""|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+'|\#[^\n]*+"""
-    r"""|(?P<word>[\w+-]++)|(?P<open>[\[{])|(?P<close>[\]}])|(?P<count>[,=])|(?P<dot>\.)|[^\S\n]++|.""",
-    re.S,
+    _TEXT + r"|(?P<word>[\w+-]++)|(?P<open>[\[{])|(?P<close>[\]}])|(?P<count>[,=])|(?P<dot>\.)|[^\S\n]++|.", re.S
 )
+_TEXTS = re.compile(_TEXT, re.S)
+_FLAT = re.compile(r"[^\[\]{}]++")
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
 
 
@@ -76,7 +77,8 @@ def parse(text: str) -> dict[str, Any]:
     Raises:
         TomlRefused: `text` is no TOML, or beyond the limits above.
     """
-    _check_outline(text)
+    if not is_plain(text):
+        check_outline(text)
     try:
         tables = tomli.loads(text)
     except RecursionError as error:
@@ -87,8 +89,26 @@ def parse(text: str) -> dict[str, Any]:
     return tables
 
 
-def _check_outline(text: str) -> None:
-    """One pass over the signs of `text`, before anything is built of them."""
+def is_plain(text: str) -> bool:
+    """`text` is certainly within the limits of its outline, as nearly every file is; seen without a look at its single words."""
+    bare = _TEXTS.sub("", text)
+    brackets = _FLAT.sub("", bare).replace("{", "[").replace("}", "]")
+    for _ in range(DEEPEST):
+        brackets = brackets.replace("[]", "")
+    return not (
+        brackets
+        or bare.count(",") + bare.count("=") > MOST_VALUES
+        or any(line.count(".") > DEEPEST for line in bare.split("\n"))
+        or any(len(word) > LONGEST_WORD for word in bare.split())
+    )
+
+
+def check_outline(text: str) -> None:
+    """One pass over the signs of `text`, before anything is built of them.
+
+    Raises:
+        TomlRefused: lists or tables too deep in each other, a key of too many parts, a word too long, too many values.
+    """
     depth = dots = values = 0
     after_dot = False
     for token in TOKEN.finditer(text):

@@ -1,8 +1,21 @@
 """TOML within limits: what nobody writes by hand is refused in one line, before it costs anything."""
 
-import pytest
+import contextlib
 
-from app.plant.toml import DEEPEST, LONGEST_TEXT, LONGEST_WORD, MOST_VALUES, TomlRefused, parse
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.plant.toml import (
+    DEEPEST,
+    LONGEST_TEXT,
+    LONGEST_WORD,
+    MOST_VALUES,
+    TomlRefused,
+    check_outline,
+    is_plain,
+    parse,
+)
 
 
 @pytest.mark.parametrize(
@@ -47,3 +60,33 @@ def test_anything_beyond_is_refused_with_its_line(text: str, line: int, expected
 
 def test_the_same_text_is_read_once() -> None:
     assert parse("once = 1") is parse("once = 1")
+
+
+PIECES = ("a", "=", ",", " ", "\n", ".", "[", "]", "{", "}", "#", '"', "'", '"""', "'''", "\\", "ž")
+MANY = st.tuples(
+    st.sampled_from(PIECES), st.sampled_from((1, 1, 1, 2, DEEPEST, DEEPEST + 1, LONGEST_WORD + 1, MOST_VALUES + 1))
+)
+
+
+@given(st.lists(MANY, max_size=12))
+def test_nothing_beyond_the_outline_passes_for_plain(pieces: list[tuple[str, int]]) -> None:
+    text = "".join(piece * number for piece, number in pieces)
+    if is_plain(text):
+        check_outline(text)
+
+
+def test_a_plain_file_is_one_whatever_its_texts_hold() -> None:
+    assert is_plain('key.of.parts = ["' + "[{.,=" * 50_000 + '", 1.5] # ' + "[" * 50)
+    assert not is_plain("[" * (DEEPEST + 1) + "]" * (DEEPEST + 1))
+
+
+@pytest.mark.parametrize("begin", ['a = "', "a = '", 'a = """', "a = '''", "a = [", "# "])
+@pytest.mark.parametrize("sign", ['\\"', "\\'", '"\\', "' ", '""', "''", '" \n', "' \n", "\\"])
+def test_a_text_that_does_not_end_is_looked_through_once(begin: str, sign: str) -> None:
+    """Each sign may look like the begin of one; to look for the end of each took hours in a file of 2 MB."""
+    text = begin + sign * 100_000
+    with contextlib.suppress(TomlRefused):
+        check_outline(text)
+    is_plain(text)
+    with contextlib.suppress(TomlRefused):
+        parse(text)
