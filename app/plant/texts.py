@@ -15,9 +15,9 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 import tomli
-from babel import Locale, UnknownLocaleError
 
 from app.errors import ConfigurationError
+from app.plant.cldr import conventions
 from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.definitions import Texts as Label
 from app.plant.plant_files.languages import LOCALE, languages
@@ -170,13 +170,9 @@ def read_product(folder: Path = LOCALE) -> dict[str, dict[str, str]]:
     return product
 
 
-@lru_cache(maxsize=64)
 def plural_category(lang: str, number: float) -> str:
     """CLDR category of a number: `one`, `few`, `many`, `other`. A language that Babel does not know has `other` only."""
-    try:
-        return str(Locale.parse(lang, sep="-").plural_form(abs(number)))
-    except (ValueError, UnknownLocaleError):
-        return "other"
+    return str(conventions(lang).plural(abs(number)))
 
 
 def fill(text: str, params: Mapping[str, object]) -> str:

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 from zoneinfo import ZoneInfo
 
-from babel import Locale
 from fastapi import Request
 from fastapi.responses import HTMLResponse
 from jinja2 import BytecodeCache, Environment, FileSystemLoader, StrictUndefined, meta, nodes
@@ -28,6 +27,7 @@ from app import bundled
 from app.access.roles import Person, permitted
 from app.clock import to_datetime
 from app.errors import Refused
+from app.plant.cldr import conventions
 from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.said import in_words
 from app.plant.texts import Texts
@@ -511,4 +511,4 @@ def area_label(texts: Texts, plant: Plant | None, lang: str, key: str) -> str:
 def weekday(micros: int, zone: ZoneInfo, lang: str) -> str:
     """Short name of the day: `Mo`, `pon`."""
     day = to_datetime(micros).astimezone(zone).weekday()
-    return str(Locale.parse(lang).days["format"]["abbreviated"][day]).rstrip(".")
+    return conventions(lang).days[day]
