@@ -150,7 +150,7 @@ class Source:
         counts: dict[tuple[str, ...], int] = {}
         for number, raw in enumerate(self._lines, 1):
             text = raw.strip()[:LONGEST_LINE]
-            if header := re.match(r"^(\[{1,2})\s*([^\]]+?)\s*\]", text):
+            if header := re.match(r"^(\[{1,2})\s*+([^\]\s][^\]]*+)\]", text):
                 found = table = headed(header[2], counts, row=header[1] == "[[")
             elif assignment := re.match(
                 r"""^((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""", text

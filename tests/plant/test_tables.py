@@ -152,3 +152,10 @@ def test_of_a_long_value_a_line_is_shown(tmp_path: Path) -> None:
     first, second = told(read)
     assert first[1] == "[[[[[...]]]]]"
     assert second[1].startswith("{ k0 = true, k1 = true, ") and len(second[1]) <= 120
+
+
+def test_the_line_of_a_mistake_is_found_in_a_file_of_lines_that_look_like_headers(tmp_path: Path) -> None:
+    """To look for the end of each took half an hour: the third power of its blanks, for 2 000 lines of them."""
+    read = table(tmp_path, "rows = [\n" + ("[" + " " * 900 + "1,\n],\n") * 2_000 + "]\nname = 1\n")
+    assert read.text("name") == ""
+    assert [problem.line for problem in read.source.problems] == [4_003]
