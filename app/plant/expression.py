@@ -188,7 +188,7 @@ class _Compiler:
         match node:
             case ast.Constant(value=bool() as truth):
                 return lambda look, age, argument: truth
-            case ast.Constant(value=(int() | float()) as constant) if math.isfinite(constant):
+            case ast.Constant(value=(int() | float()) as constant) if _is_finite(constant):
                 return lambda look, age, argument: constant
             case ast.Name(id=name):
                 return self._name(node, name)
@@ -206,7 +206,7 @@ class _Compiler:
                 return self._comparison(node, left, ops, comparators, depth)
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
                 return self._call(node, name, arguments, depth)
-        raise self._wrong(node, f"`{ast.unparse(node)[:40]}`", EXPECTED)
+        raise self._wrong(node, self._as_written(node), EXPECTED)
 
     def _name(self, node: ast.expr, name: str) -> _Step:
         if name == ARGUMENT:
@@ -239,13 +239,13 @@ class _Compiler:
         if len(ops) == 1 and isinstance(ops[0], ast.In | ast.NotIn):
             members = comparators[0]
             if not isinstance(members, ast.Tuple) or not members.elts:
-                raise self._wrong(members, f"`{ast.unparse(members)[:40]}`", said("mistake.members"))
+                raise self._wrong(members, self._as_written(members), said("mistake.members"))
             for item in members.elts:
                 self._compare(left, item)
             inside = _member(self.build(left, depth + 1), [self.build(item, depth + 1) for item in members.elts])
             return _negation(inside) if isinstance(ops[0], ast.NotIn) else inside
         if any(type(op) not in _COMPARE for op in ops):
-            raise self._wrong(node, f"`{ast.unparse(node)[:40]}`", said("mistake.comparison"))
+            raise self._wrong(node, self._as_written(node), said("mistake.comparison"))
         for op, one, other in zip(ops, (left, *comparators), comparators, strict=False):
             if isinstance(op, ast.Eq | ast.NotEq):
                 self._compare(one, other)
@@ -264,7 +264,7 @@ class _Compiler:
     def _call(self, node: ast.expr, name: str, arguments: list[ast.expr], depth: int) -> _Step:
         if name in _QUALITY or name == "age":
             if len(arguments) != 1 or not self._point(arguments[0]):
-                raise self._wrong(node, f"`{ast.unparse(node)[:40]}`", said("mistake.of_point", name=name))
+                raise self._wrong(node, self._as_written(node), said("mistake.of_point", name=name))
             point = self._point(arguments[0])
             self.names.add(point)
             if name == "age":
@@ -273,7 +273,7 @@ class _Compiler:
             judge = _QUALITY[name]
             return lambda look, age, argument: judge(*look(point))
         if name not in _CALLS or not arguments or (name == "abs" and len(arguments) != 1):
-            raise self._wrong(node, f"`{ast.unparse(node)[:40]}`", said("mistake.calls"))
+            raise self._wrong(node, self._as_written(node), said("mistake.calls"))
         call, terms = _CALLS[name], [self.build(item, depth + 1) for item in arguments]
 
         def step(look: Look, age: Age | None, argument: float | None) -> Result:
@@ -282,6 +282,9 @@ class _Compiler:
             return call(known) if len(known) == len(values) else None
 
         return step
+
+    def _as_written(self, node: ast.expr) -> str:
+        return f"`{(ast.get_source_segment(self.text, node) or self.text)[:40]}`"
 
     def _wrong(self, node: ast.expr, found: str, expected: str) -> ConfigurationError:
         return _error(self.text, node.col_offset + 1, found, expected)
@@ -293,6 +296,13 @@ def _reader(values: Mapping[str, Value | Reading]) -> Look:
         return found if isinstance(found, tuple) else (found, NO_DATA if found is None else GOOD)
 
     return look
+
+
+def _is_finite(constant: float) -> bool:
+    try:
+        return math.isfinite(constant)
+    except OverflowError:  # a whole number of more than 308 digits
+        return False
 
 
 def _truth(value: Result) -> bool | None:
