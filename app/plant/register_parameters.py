@@ -54,12 +54,15 @@ def read_parameter_map(head: Table, device: Device) -> ParameterMap | None:
 def read_known(
     file: Table, setpoints: Mapping[str, Setpoint], points: Mapping[str, Point], individual: Collection[str] = ()
 ) -> dict[str, DriveParameter]:
-    """What is known, by code: the setpoints that have one, and the rows of parameters.toml."""
+    """What is known, by code: the setpoints that have one, and the rows of parameters.toml.
+
+    A setpoint without its point, or its register, is a mistake that was told already.
+    """
     keys = {setpoint.key: setpoint.code for setpoint in setpoints.values()}
     found = {
-        setpoint.code: _of_setpoint(setpoint, points[key], keys)
+        setpoint.code: _of_setpoint(setpoint, point, keys)
         for key, setpoint in setpoints.items()
-        if address_of(setpoint.code) is not None
+        if (point := points.get(key)) and point.register and address_of(setpoint.code) is not None
     }
     for code, row in file.tables():
         if address_of(code) is None or code in found:

@@ -1,5 +1,6 @@
 """What is known of parameters that are registers comes from data, and of the others nothing is said."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,7 +8,7 @@ import pytest
 from app.plant import register_parameters, types
 from app.plant.definitions import Device, ParameterMap
 from app.plant.plant_files.languages import LANGUAGES
-from app.plant.register_parameters import codes_in, has_code, read_known, read_parameter_map, unknown
+from app.plant.register_parameters import address_of, codes_in, has_code, read_known, read_parameter_map, unknown
 from app.plant.tables import Source
 from app.profidrive.parameter_access.parameter import DriveParameter, When
 from app.sim.eura_e800.parameters import PARAMETERS
@@ -69,6 +70,15 @@ def test_what_cannot_be_a_parameter_is_told(tmp_path: Path, row: str, says: str)
     file = source(tmp_path, row + "\n")
     read_known(file.table(), TYPE.setpoints, TYPE.points)
     assert len(told(file)) == 1 and says in told(file)[0], told(file)
+
+
+def test_a_setpoint_whose_point_is_wrong_is_none_of_what_is_known(tmp_path: Path) -> None:
+    first, second, *rest = (key for key, one in TYPE.setpoints.items() if address_of(one.code) is not None)
+    points = {key: point for key, point in TYPE.points.items() if key != first}
+    points[second] = replace(points[second], register=None)
+    file = source(tmp_path, "")
+    found = read_known(file.table(), TYPE.setpoints, points)
+    assert rest and found.keys() == {TYPE.setpoints[key].code for key in rest}, told(file)
 
 
 def test_everything_known_is_told_as_the_setpoint_has_it() -> None:
