@@ -36,10 +36,22 @@ for command in (export, backup, backup_key, restore, probe, inject, conform):
 
 def main() -> None:
     """Entry point of the console script."""
+    _open_missing()
     for stream in (sys.stdout, sys.stderr):  # a terminal that lacks a letter gets "?", not half of what was to be said
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
     cli()
+
+
+def _open_missing() -> None:
+    """Give a process that was started without standard files the empty one: else what it opens next is taken for them."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_RDWR), number)
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
 
 
 def _say_version(wanted: bool) -> None:

@@ -12,6 +12,7 @@ import runpy
 import shutil
 import sqlite3
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import closing, contextmanager
@@ -57,7 +58,7 @@ MENDING_TIMEOUT = 10.0
 """How long a lost file waits for those who read it, and they for it to be mended [s]."""
 
 
-class HeldFile:
+class HeldFile(ABC):
     """The file of a database, held open so that it can be mended when it is lost. Nobody else uses it meanwhile."""
 
     def __init__(self, path: Path, name: Literal["pogon", "history"], engine: Engine) -> None:
@@ -74,13 +75,13 @@ class HeldFile:
         """What tells this database from any other, also after it was moved or copied; 0 = not open."""
         return self._file.id if self._file else 0
 
+    @abstractmethod
     def migrate(self) -> None:
         """Bring the schema to the newest revision; makes the file when it is missing.
 
         Raises:
             StorageError: the file cannot be opened, or is newer than this program.
         """
-        raise NotImplementedError
 
     def _mended(self, loss: Loss) -> tuple[Mended, str]:
         mine = self.name == "pogon"

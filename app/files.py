@@ -6,6 +6,7 @@ our business. Each is one line, and nothing of its content is shown.
 
 import os
 import stat
+from collections.abc import Iterator
 from contextlib import suppress
 from errno import ENOSPC
 from pathlib import Path
@@ -21,6 +22,8 @@ KINDS = (
     (stat.S_ISBLK, "a device"),
 )
 ORDINARY = "an ordinary file"
+PIECE = 1_000_000
+"""A file is read in such pieces [bytes]."""
 
 
 def open_ordinary(path: Path, *, inside: Path | None = None) -> BinaryIO:
@@ -57,7 +60,7 @@ def read_bytes(path: Path, most: int, *, inside: Path | None = None) -> bytes:
     with open_ordinary(path, inside=inside) as file:
         try:
             size = os.fstat(file.fileno()).st_size
-            content = file.read(most + 1) if size <= most else b""
+            content = b"".join(_pieces(file, most + 1)) if size <= most else b""
         except OSError as error:
             raise UnusableFile(path, error.strerror or str(error), ORDINARY) from error
     if size > most or len(content) > most:
@@ -134,6 +137,13 @@ def append_line(path: Path, line: str) -> None:
             raise
     finally:
         os.close(handle)
+
+
+def _pieces(file: BinaryIO, most: int) -> Iterator[bytes]:
+    """The first `most` bytes of `file`; room is made for what is there, not for all that may be."""
+    while piece := file.read(min(most, PIECE)):
+        most -= len(piece)
+        yield piece
 
 
 def _check(path: Path, mode: int) -> None:

@@ -1,4 +1,4 @@
-"""The log: lines with the time for people, JSON for programs, and the same to a syslog elsewhere, which nobody waits for.
+"""The log: lines with the time for people, JSON for programs, and the same to a syslog elsewhere; nobody waits for either.
 
 Text: `2026-03-09T06:05:00.123Z INFO app.links.runner: link up link=hall`. Syslog is RFC 5424 over UDP or the machine's own socket; security
 events (`security`) go there whatever the level, as facility authpriv with the event as message id.
@@ -10,6 +10,7 @@ import os
 import queue
 import re
 import socket
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -24,9 +25,11 @@ Form = Literal["text", "json"]
 SECURITY = "app.security"
 """Logger of security events."""
 MOST_WAITING = 10_000
-"""Records that wait for the syslog; of more, the newest are lost there and counted."""
+"""Records that wait for standard error, or for the syslog; of more, the newest are lost there and counted."""
 PAUSE = 5.0
 """After a failure nothing is sent for so long [s]."""
+PATIENCE = 2.0
+"""At the end what waits is written for so long [s]."""
 LONGEST = 8_000
 """Of one syslog message [bytes]."""
 NAMES = {"uvicorn.error": "uvicorn"}
@@ -48,11 +51,19 @@ def start(level: str, form: Form = "text", syslog: str = "", sink: Any = None) -
 
     Of the libraries only what is wrong is told.
     """
-    handler = logging.StreamHandler(sink)
+    file = _file_of(sys.stderr) if sink is None else None
+    handler = logging.StreamHandler(sink) if file is None else _StandardError(file)
     handler.setFormatter(_Json() if form == "json" else _Text())
-    logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
+    own = handler if file is None else _Feeder(handler)
+    logging.basicConfig(level=logging.WARNING, handlers=[own], force=True)
     logging.getLogger("app").setLevel(level.upper())
-    return forward(syslog)
+    end_forwarding = forward(syslog)
+
+    def end() -> None:
+        end_forwarding()
+        own.close()
+
+    return end
 
 
 def forward(syslog: str) -> Callable[[], None]:
@@ -62,15 +73,12 @@ def forward(syslog: str) -> Callable[[], None]:
         return lambda: None
     sender = _Syslog(syslog_address(syslog))
     sender.setFormatter(_Rfc5424())
-    waiting: queue.Queue[Any] = queue.Queue(MOST_WAITING)
-    feeder = _Feeder(waiting)
+    feeder = _Feeder(sender)
     logging.getLogger().addHandler(feeder)
-    listener = _Listener(waiting, sender)
-    listener.start()
 
     def end() -> None:
         logging.getLogger().removeHandler(feeder)
-        listener.stop()
+        feeder.close()
         sender.close()
 
     return end
@@ -135,6 +143,7 @@ class _Syslog(SysLogHandler):
     """Sends, and when it cannot, drops the record and says nothing: the log itself is on standard error."""
 
     append_nul = False
+    socket: Any
 
     def __init__(self, address: str | tuple[str, int]) -> None:
         self._since: float | None = None
@@ -145,6 +154,7 @@ class _Syslog(SysLogHandler):
     def createSocket(self) -> None:
         if not self._starting:  # a name that is looked up may take seconds: not at the start
             super().createSocket()
+            self.socket.settimeout(PATIENCE)  # a full `/dev/log` that nobody reads
 
     def emit(self, record: logging.LogRecord) -> None:
         if self._since is not None and record.created < self._since + PAUSE:
@@ -159,20 +169,58 @@ class _Syslog(SysLogHandler):
         self._since = record.created
 
 
+class _StandardError(logging.NullHandler):
+    """Writes to the file behind standard error. It has one thread and no lock: it may wait there for ever (Ctrl+S, a pipe nobody reads)."""
+
+    def __init__(self, file: int) -> None:
+        super().__init__()
+        self._file = file
+
+    def handle(self, record: logging.LogRecord) -> bool:
+        left = f"{self.format(record)}\n".encode(errors="replace")
+        with suppress(OSError):  # the terminal was closed, the disk is full
+            while left:
+                left = left[os.write(self._file, left) :]
+        return True
+
+
 class _Feeder(QueueHandler):
-    """Hands records to the thread that sends; never waits for it."""
+    """Hands records to a thread in which a handler may wait; never waits itself, and says how many were lost as soon as there is room."""
+
+    def __init__(self, handler: logging.Handler) -> None:
+        super().__init__(queue.Queue(MOST_WAITING))
+        self._lost = 0
+        self._listener = _Listener(self.queue, handler)
+        self._listener.start()
 
     def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
         return record  # what is logged is not changed afterwards, and the trace is wanted
 
-    def handleError(self, record: logging.LogRecord) -> None:
-        pass
+    def enqueue(self, record: logging.LogRecord) -> None:
+        try:
+            if self._lost:
+                said = (logging.WARNING, "", 0, "log lines lost count=%d", (self._lost,), None)
+                self.queue.put_nowait(logging.LogRecord(__name__, *said))
+                self._lost = 0
+            self.queue.put_nowait(record)
+        except queue.Full:
+            self._lost += 1
+
+    def close(self) -> None:
+        self._listener.stop()
+        super().close()
 
 
 class _Listener(QueueListener):
     """Can be ended also while its queue is full, as it is when nobody takes what is sent: the oldest record makes room."""
 
     queue: queue.Queue[Any]
+
+    def stop(self) -> None:
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            self.enqueue_sentinel()
+            thread.join(PATIENCE)
 
     def enqueue_sentinel(self) -> None:
         while True:
@@ -182,6 +230,14 @@ class _Listener(QueueListener):
             with suppress(queue.Empty):
                 self.queue.get_nowait()
                 self.queue.task_done()
+
+
+def _file_of(stream: Any) -> int | None:
+    """The file behind a stream; None, it has none."""
+    try:
+        return int(stream.fileno())
+    except (AttributeError, OSError, ValueError):
+        return None
 
 
 def _moment(record: logging.LogRecord) -> str:

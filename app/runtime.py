@@ -362,7 +362,7 @@ class Runtime:
         return bool(self.links) and all(link.simulated for link in self.links.values())
 
     def _tell_alarms(self) -> None:
-        tell_of_links(self.alarms, self.plant, self.links, self.clock.monotonic())
+        tell_of_links(self.alarms, self.plant, self.links)
         tell_of_server(self.alarms, self.sim, self.access.audit, self.recorder, self.events)
 
 

@@ -8,9 +8,11 @@ import asyncio
 import faulthandler
 import logging
 import os
-import sys
 from contextlib import suppress
+from tempfile import TemporaryFile
 from threading import Event, Thread
+
+import typer
 
 log = logging.getLogger(__name__)
 
@@ -26,13 +28,24 @@ TELLING = 1.0
 
 def end_process() -> None:
     """Tell where every thread is and end the process at once: nothing of it can be trusted to end in order."""
-    with suppress(OSError, ValueError):  # no standard error
-        faulthandler.dump_traceback(sys.stderr)
-    line = "the event loop has not turned for %d s: the server ends itself, where each thread was stands above"
-    telling = Thread(target=log.critical, args=(line, LIMIT * PERIOD), daemon=True)
+    with TemporaryFile() as file:  # the dump holds all threads up: it must not wait for whoever reads standard error
+        faulthandler.dump_traceback(file)
+        file.seek(0)
+        stacks = file.read().decode(errors="replace")
+    telling = Thread(target=_tell, args=(stacks,), daemon=True)
     telling.start()
     telling.join(TELLING)
     os._exit(ENDED)
+
+
+def _tell(stacks: str) -> None:
+    with suppress(OSError, ValueError):  # no standard error
+        typer.echo(stacks, err=True)
+    log.critical(
+        "the event loop has not turned for %d s: the server ends itself, where each thread was stands above",
+        LIMIT * PERIOD,
+    )
+    logging.shutdown()
 
 
 class Watchdog:

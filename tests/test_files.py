@@ -2,6 +2,7 @@
 
 import os
 import socket
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -70,6 +71,16 @@ def test_more_than_agreed_is_not_read(tmp_path: Path, size: int, most: int, fits
         return
     with pytest.raises(UnusableFile, match=f"{size} bytes, expected at most {most} bytes"):
         read_bytes(tmp_path / "x", most)
+
+
+def test_room_is_made_for_what_is_there_not_for_the_most_that_may_be(tmp_path: Path) -> None:
+    (tmp_path / "x").write_bytes(b"0123456789")
+    tracemalloc.start()
+    try:
+        assert read_bytes(tmp_path / "x", 100_000_000) == b"0123456789"
+        assert tracemalloc.get_traced_memory()[1] < 3_000_000
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_text_may_have_its_mark_and_is_utf_8(tmp_path: Path) -> None:

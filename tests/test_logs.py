@@ -200,6 +200,31 @@ def test_what_sends_ends_although_its_queue_is_full() -> None:
     assert sent == [1, 3], "the oldest that waited made room"
 
 
+def test_what_was_lost_is_counted_as_soon_as_there_is_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(logs, "MOST_WAITING", 3)
+    said: list[str] = []
+
+    class Held(logging.NullHandler):
+        def handle(self, record: logging.LogRecord) -> bool:
+            begun.set()
+            go_on.wait(30)
+            said.append(record.getMessage())
+            told.release()
+            return True
+
+    begun, go_on, told = threading.Event(), threading.Event(), threading.Semaphore(0)
+    feeder = logs._Feeder(Held())
+    feeder.handle(logging.LogRecord("", 1, "", 0, "0", (), None))
+    begun.wait(30)
+    for number in range(1, 6):
+        feeder.handle(logging.LogRecord("", 1, "", 0, str(number), (), None))
+    go_on.set()
+    assert all(told.acquire(timeout=30) for _ in range(4))
+    feeder.handle(logging.LogRecord("", 1, "", 0, "6", (), None))
+    feeder.close()
+    assert said == ["0", "1", "2", "3", "log lines lost count=2", "6"]
+
+
 @pytest.mark.parametrize("text", ["dev/log", "host", "host:", ":514", "host:70000", "host:x"])
 def test_an_address_that_cannot_be_is_told(text: str) -> None:
     with pytest.raises(ConfigurationError, match="expected a path such as /dev/log, or HOST:PORT"):

@@ -3,10 +3,10 @@
 import logging
 
 from app.errors import BadAnswer, DeviceException, NoAnswer
-from app.links.contract import Block
 from app.links.line import Line
 from app.links.station import Station
 from app.links.statistics import LinkState
+from app.links.training_head import read_head
 from app.registers import plc_map
 from app.registers.pdu import READ_HOLDING
 
@@ -26,7 +26,7 @@ async def answers_instead(line: Line, station: Station) -> bool:
     if not device.makers_map or station.mute or READ_HOLDING not in device.read_functions:
         return False
     try:
-        words = await line.read(station, Block(plc_map.HEADER, WORDS), liveness=False, quiet=True)
+        words = await read_head(line, station, plc_map.HEADER, WORDS)
     except NoAnswer:
         station.mute = True
         return False

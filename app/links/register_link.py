@@ -18,7 +18,7 @@ from app.links.mailbox import MailboxUnit
 from app.links.plc import TORN_TRIES, PlcUnit
 from app.links.register_parameters import RegisterParameters
 from app.links.runner import LinkRunner
-from app.links.scan_block import ScanBlock, words_of
+from app.links.scan_block import ScanBlock
 from app.links.schedule import Priority
 from app.links.station import Station
 from app.links.statistics import LinkState, LinkStatistics
@@ -110,10 +110,14 @@ class RegisterLink:
 
     def halted(self, equipment: str) -> bool:
         """Whether the program behind a machine stands still while its unit answers; of several on a unit the first one tells."""
-        item = self._machines.get(equipment)
-        station = self._runner.stations.get(item.unit) if item is not None else None
-        up = station is not None and station.state is LinkState.UP and station.equipment[0].id == equipment
-        return up and station is not None and station.halted
+        station = self._told_by(equipment)
+        return station is not None and station.state is LinkState.UP and station.halted
+
+    def restarts(self, equipment: str) -> bool:
+        """Whether its PLC shows one restart after the other; of several on a unit the first one tells."""
+        station = self._told_by(equipment)
+        plc = station.service(PlcUnit) if station is not None else None
+        return plc is not None and plc.clock.restarts.endless(self._runner.clock.monotonic())
 
     async def run(self) -> None:
         """Connect, scan, publish, back off, for ever."""
@@ -267,7 +271,7 @@ class RegisterLink:
             LinkError: as the transport.
         """
         block = Block(address, count, function)
-        job = self._runner.job(unit, block, liveness=not self._is_training(unit, address))
+        job = self._runner.job(unit, block, liveness=not _is_training(self.stations.get(unit), address))
         return await self._runner.ask(job, Priority.REFRESH)
 
     async def raw_write(self, unit: int, address: int, words: Sequence[int]) -> None:
@@ -280,7 +284,9 @@ class RegisterLink:
         if not self.link.may_write:
             raise Refused("command.writes_off", link=self.name)
         function = WRITE_SINGLE if len(words) == 1 else WRITE_MULTIPLE
-        await self._writes.send(unit, address, words, function, liveness=not self._is_training(unit, address))
+        await self._writes.send(
+            unit, address, words, function, liveness=not _is_training(self.stations.get(unit), address)
+        )
         self._runner.nudge(unit)
 
     def demand(self, who: object, points: Iterable[str]) -> None:
@@ -296,13 +302,7 @@ class RegisterLink:
     def words(self, name: str) -> Sequence[int] | None:
         """Raw words of the point `name` (`equipment.point`) as last read; None while there are none."""
         item = self._machines.get(name.partition(".")[0])
-        if item is None:
-            return None
-        for block in self._runner.stations[item.unit].covering([name]):
-            for point in block.points:
-                if point.name == name:
-                    return words_of(block, point)
-        return None
+        return self._runner.stations[item.unit].words(name) if item is not None else None
 
     # details
 
@@ -329,9 +329,14 @@ class RegisterLink:
             raise LinkError(f"{equipment} takes no commands by code: its type {item.type.name} is no Pogon PLC")
         return station, plc
 
-    def _is_training(self, unit: int, address: int) -> bool:
-        station = self._runner.stations.get(unit)
-        return address >= (station.device.training if station else 0xE000)
+    def _told_by(self, equipment: str) -> Station | None:
+        item = self._machines.get(equipment)
+        station = self._runner.stations.get(item.unit) if item is not None else None
+        return station if station is not None and station.equipment[0].id == equipment else None
+
+
+def _is_training(station: Station | None, address: int) -> bool:
+    return address >= (station.device.training if station else 0xE000)
 
 
 def _lanes(link: Link, equipment: Sequence[Equipment]) -> int:

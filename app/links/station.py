@@ -9,7 +9,7 @@ from typing import TypeVar
 from app.links.contract import Block
 from app.links.map_plan import plan_map
 from app.links.planner import Learned, Plan, Reading, Rows, overhead, plan, span_of
-from app.links.scan_block import ScanBlock
+from app.links.scan_block import ScanBlock, words_of
 from app.links.schedule import Job
 from app.links.services import Service
 from app.links.statistics import LinkState
@@ -165,6 +165,14 @@ class Station:
         """The blocks that hold these points, without doubles."""
         wanted = frozenset(names)
         return [block for block in self.blocks if not wanted.isdisjoint(block.names)]
+
+    def words(self, name: str) -> Sequence[int] | None:
+        """Raw words of the point `name` (`equipment.point`) as last read; None while there are none."""
+        for block in self.covering([name]):
+            for point in block.points:
+                if point.name == name:
+                    return words_of(block, point)
+        return None
 
     def around(self, function: int, first: int, last: int) -> list[ScanBlock]:
         """The blocks that hold any register of `first` to `last`."""

@@ -31,7 +31,7 @@ async def look_at_head(line: Line, station: Station) -> bool | None:
         NotConnected: the connection is lost.
     """
     try:
-        magic, flags, version, _ = await _read(line, station)
+        magic, flags, version, _ = await read_head(line, station, station.device.training, WORDS)
     except DeviceException as error:
         if error.code not in UNTOLD:
             return True
@@ -55,14 +55,18 @@ async def look_at_head(line: Line, station: Station) -> bool | None:
     return True
 
 
-async def _read(line: Line, station: Station) -> list[int]:
-    """Its words, in the shortest telegram that no earlier answer can be taken for: what lies behind them reads 0."""
+async def read_head(line: Line, station: Station, address: int, words: int) -> list[int]:
+    """The first `words` of a head at `address`, in the shortest telegram that no earlier answer can be taken for: more follow behind it.
+
+    Raises:
+        LinkError: as the transport.
+    """
     for more in range(SPARE):
         try:
-            job = line.job(station.number, Block(station.device.training, WORDS + more), liveness=False)
+            job = line.job(station.number, Block(address, words + more), liveness=False)
             job.quiet = True
-            words = await line.ask(job, Priority.REFRESH)
+            read = await line.ask(job, Priority.REFRESH)
         except LateAnswerDue:
             continue
-        return words[:WORDS]
-    return await line.read(station, Block(station.device.training, WORDS), liveness=False, quiet=True)
+        return read[:words]
+    return await line.read(station, Block(address, words), liveness=False, quiet=True)

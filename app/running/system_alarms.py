@@ -8,10 +8,9 @@ from app.alarms.engine import AlarmEngine
 from app.historian.events import Events
 from app.historian.recorder import Recorder
 from app.historian.upkeep import WARN_AT
-from app.links.plc import PlcUnit
 from app.links.register_link import RegisterLink
 from app.links.statistics import LinkState
-from app.plant.definitions import Equipment, Plant
+from app.plant.definitions import Plant
 from app.sim.plant import SimPlant
 from app.supervisor import SupervisedTask
 
@@ -23,11 +22,8 @@ SIMULATION_SLOW = 0.9
 """Slower than this, compared with real time: an alarm."""
 
 
-def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, RegisterLink], now: float) -> None:
-    """Links that are down or closed by a device; machines whose events are only here, whose program stands still or restarts.
-
-    `now`: monotonic [s].
-    """
+def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, RegisterLink]) -> None:
+    """Links that are down or closed by a device; machines whose events are only here, whose program stands still or restarts."""
     tell = alarms.system.report
     for name, link in links.items():
         tell(
@@ -42,14 +38,7 @@ def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, 
         count = link_of.only_here(item.id) if link_of else 0
         tell("events_unstored", item.id, active=count > 0, params={"count": count})
         tell("program_halted", item.id, active=link_of is not None and link_of.halted(item.id))
-        tell("device_restarts", item.id, active=link_of is not None and _restarts(link_of, item, now))
-
-
-def _restarts(link: RegisterLink, item: Equipment, now: float) -> bool:
-    """Whether its PLC shows one restart after the other; of several machines on a unit the first one tells."""
-    station = link.stations.get(item.unit)
-    plc = station.service(PlcUnit) if station is not None and station.equipment[0].id == item.id else None
-    return plc is not None and plc.clock.restarts.endless(now)
+        tell("device_restarts", item.id, active=link_of is not None and link_of.restarts(item.id))
 
 
 def tell_of_server(alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, recorder: Recorder, events: Events) -> None:

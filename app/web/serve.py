@@ -3,13 +3,15 @@
 import atexit
 import gc
 import logging
+import signal
 import socket
 import ssl
 import sys
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
+from threading import current_thread, main_thread
 from typing import Any
 
 import typer
@@ -155,13 +157,28 @@ class _Lifespan:
 
 
 class Server(uvicorn.Server):
-    """Announces itself after its sockets are open, so that also port 0 is told as what it became."""
+    """Announces itself after its sockets are open, so that also port 0 is told as what it became; ends in order with its terminal."""
 
     def __init__(self, config: uvicorn.Config, app: FastAPI, settings: Settings) -> None:
         super().__init__(config)
         self._pogon = app
         self._settings = settings
         self._watchdog = Watchdog()
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """SIGHUP, a terminal or a connection that was closed, ends it like SIGTERM, but for one that was started with `nohup`."""
+        hang_up = signal.getsignal(signal.SIGHUP)
+        with super().capture_signals():
+            if heard := hang_up == signal.SIG_DFL and current_thread() is main_thread():
+                signal.signal(signal.SIGHUP, self.handle_exit)
+            try:
+                yield
+            finally:
+                if heard:
+                    signal.signal(signal.SIGHUP, hang_up)
+                if self._captured_signals:  # the signal that ends this process comes next, and nothing after it
+                    logging.shutdown()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Answer on the open sockets and say so."""

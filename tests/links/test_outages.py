@@ -63,10 +63,12 @@ async def line(kind: str, bus: Bus, *units: int, equipment: Sequence[Equipment] 
             await tty.close()
 
 
-async def back_after(kind: str, mode: LineFaultMode, seconds: float, *, beside: bool) -> float:
+async def back_after(
+    kind: str, mode: LineFaultMode, seconds: float, *, beside: bool, equipment: Sequence[Equipment] | None = None
+) -> float:
     """How long it takes from the end of a fault of unit 1 until its values are good [s]."""
     devices = {unit: RegisterDevice({n: 0 for n in range(25)}) for unit in ((1, 2) if beside else (1,))}
-    async with line(kind, Bus(devices), *devices) as made:
+    async with line(kind, Bus(devices), *devices, equipment=equipment) as made:
         await until(lambda: all(is_good(made.quality(f"m{unit}.v0")) for unit in devices))
         await asyncio.sleep(0.5)
         devices[1].line_fault = replace(LineFault(), mode=mode, argument=4 if mode is LineFaultMode.EXCEPTION else 0)
@@ -86,6 +88,15 @@ async def back_after(kind: str, mode: LineFaultMode, seconds: float, *, beside: 
 async def test_a_unit_is_back_within_two_seconds_whatever_was_wrong_and_however_long(kind: str, beside: bool) -> None:
     cases = [(mode, seconds) for mode in MODES for seconds in LENGTHS]
     took = await asyncio.gather(*(back_after(kind, *case, beside=beside) for case in cases))
+    late = {(mode.name, seconds): round(found, 2) for (mode, seconds), found in zip(cases, took, strict=True)}
+    assert not {case: found for case, found in late.items() if found > BACK}, late
+
+
+@pytest.mark.sweep(4)
+async def test_a_drive_that_is_looked_at_for_a_plc_in_its_place_is_back_as_soon() -> None:
+    drive = [row("m1", 1, 3, replace(DRIVE, makers_map=True))]
+    cases = [(mode, seconds) for mode in MODES for seconds in (2.0, 3.0, *LENGTHS)]
+    took = await asyncio.gather(*(back_after("rtu", *case, beside=False, equipment=drive) for case in cases))
     late = {(mode.name, seconds): round(found, 2) for (mode, seconds), found in zip(cases, took, strict=True)}
     assert not {case: found for case, found in late.items() if found > BACK}, late
 

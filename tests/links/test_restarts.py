@@ -4,7 +4,6 @@ import asyncio
 
 import pytest
 
-from app.links.plc import PlcUnit
 from app.links.restarts import MANY, QUIET, Restarts
 from app.registers import plc_map
 from app.tags.quality import is_good
@@ -14,9 +13,7 @@ from tests.links.plc_devices import KINDS, SmallPlc, plant
 
 def restarting(line: Line) -> bool:
     """What the alarm asks."""
-    plc = line.link.stations[1].service(PlcUnit)
-    assert plc is not None
-    return plc.clock.restarts.endless(asyncio.get_running_loop().time())
+    return line.link.restarts("p")
 
 
 def test_one_spell_is_told_once_and_is_over_when_it_was_quiet() -> None:

@@ -25,14 +25,15 @@ class Alarms:
         return {key for (key, _), active in self.active.items() if active}
 
 
-def link(state: LinkState, only_here: int = 0, halted: bool = False, plc: Any = None, closed: bool = False) -> Any:
+def link(
+    state: LinkState, only_here: int = 0, halted: bool = False, restarts: bool = False, closed: bool = False
+) -> Any:
     return SimpleNamespace(
         statistics=SimpleNamespace(state=state),
         only_here=lambda _: only_here,
         halted=lambda _: halted,
-        stations={
-            1: SimpleNamespace(equipment=[PLANT.equipment["c1"]], service=lambda _: plc, refuses_by_closing=closed)
-        },
+        restarts=lambda _: restarts,
+        stations={1: SimpleNamespace(refuses_by_closing=closed)},
     )
 
 
@@ -42,14 +43,14 @@ PLANT: Any = SimpleNamespace(equipment={"c1": SimpleNamespace(id="c1", link="hal
 @pytest.mark.parametrize("state", LinkState)
 def test_a_link_on_which_somebody_answers_is_not_down(state: LinkState) -> None:
     alarms: Any = Alarms()
-    tell_of_links(alarms, PLANT, {"hall": link(state)}, 0.0)
+    tell_of_links(alarms, PLANT, {"hall": link(state)})
     assert ("link_down" in alarms.told()) is (state not in (LinkState.UP, LinkState.SOME_SILENT))
 
 
 @pytest.mark.parametrize(("only_here", "halted"), [(0, False), (3, False), (0, True)])
 def test_events_only_here_and_a_halted_program_are_told_of_their_machine(only_here: int, halted: bool) -> None:
     alarms: Any = Alarms()
-    tell_of_links(alarms, PLANT, {"hall": link(LinkState.UP, only_here, halted)}, 0.0)
+    tell_of_links(alarms, PLANT, {"hall": link(LinkState.UP, only_here, halted)})
     assert alarms.active["events_unstored", "c1"] is (only_here > 0)
     assert alarms.active["program_halted", "c1"] is halted
 
@@ -57,15 +58,14 @@ def test_events_only_here_and_a_halted_program_are_told_of_their_machine(only_he
 @pytest.mark.parametrize("closed", [True, False])
 def test_a_device_that_closes_the_connection_at_a_register_is_told(closed: bool) -> None:
     alarms: Any = Alarms()
-    tell_of_links(alarms, PLANT, {"hall": link(LinkState.UP, closed=closed)}, 0.0)
+    tell_of_links(alarms, PLANT, {"hall": link(LinkState.UP, closed=closed)})
     assert ("connection_closed" in alarms.told()) is closed
 
 
 @pytest.mark.parametrize("restarts", [True, False])
 def test_a_plc_that_restarts_again_and_again_is_told_of_its_machine(restarts: bool) -> None:
     alarms: Any = Alarms()
-    plc = SimpleNamespace(clock=SimpleNamespace(restarts=SimpleNamespace(endless=lambda _: restarts)))
-    tell_of_links(alarms, PLANT, {"hall": link(LinkState.UP, plc=plc)}, 0.0)
+    tell_of_links(alarms, PLANT, {"hall": link(LinkState.UP, restarts=restarts)})
     assert alarms.active["device_restarts", "c1"] is restarts
 
 
