@@ -7,6 +7,7 @@ from math import inf
 from typing import TypeVar
 
 from app.links.contract import Block
+from app.links.faults import Faults
 from app.links.map_plan import plan_map
 from app.links.planner import Learned, Plan, Reading, Rows, overhead, plan, span_of
 from app.links.scan_block import ScanBlock
@@ -48,6 +49,8 @@ class Station:
     """How often in a row it was lost there, while others were answered."""
     mute: bool = False
     """Whether it said nothing when it was asked for the header of a PLC (plc_instead.py)."""
+    faults: Faults = field(default_factory=Faults)
+    """Why it is not the device of the plant file, as it was told."""
     state: LinkState = LinkState.CONNECTING
     halted: bool = False
     """Whether its program stands still while it answers."""
