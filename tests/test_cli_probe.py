@@ -76,6 +76,18 @@ async def test_settings_that_a_port_does_not_take_are_passed_over() -> None:
         assert code == 0 and "unit 3 answers" in output
 
 
+async def test_a_parity_that_a_port_passes_over_is_not_said_to_be_that_of_the_line() -> None:
+    """A pseudo-terminal takes the first one that it is opened with, and has none: `9600 8E1` was what the engineer wrote down."""
+    async with line() as (path, device):
+        code, output, _ = await pogon("probe", "--port", path, "--baud", "9600", "--unit", "3")
+        assert (code, output) == (0, "9600 8N2 unit 3 answers: 0x1000 = 0x0000\n")
+        device.requests.clear()
+        for parity in ("even", "odd"):
+            code, output, errors = await pogon("probe", "--port", path, "--baud", "9600", "--parity", parity)
+            assert (code, output) == (2, "") and f"{path}: does not take" in errors and f"parity {parity}" in errors
+        assert device.requests == []
+
+
 async def test_a_refusal_is_an_answer_and_a_refused_read_ends_with_1() -> None:
     device = RegisterDevice({0: 1})
     served = await serve_tcp(Bus({2: device}), "127.0.0.1", 0)

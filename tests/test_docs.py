@@ -27,8 +27,10 @@ COMMANDS = typer.main.get_group(cli)
 
 def spoken(text: str) -> list[list[str]]:
     """Every `pogon …` of a page, split as a shell does."""
-    fences = re.findall(r"```(?:sh)?\n(.*?)```", text, re.DOTALL)
-    lines = [line.strip() for block in fences for line in block.replace("\\\n", " ").splitlines()]
+    fences = re.findall(r"^ *```(\w*)\n(.*?)^ *```$", text, re.DOTALL | re.MULTILINE)
+    lines = [
+        line.strip() for kind, block in fences if kind in ("", "sh") for line in block.replace("\\\n", " ").splitlines()
+    ]
     found = [*lines, *re.findall(r"`([^`\n]*\bpogon [^`\n]+)`", text)]
     calls = [call for line in found for call in re.split(r"&&|\|", line) if re.search(r"(?<![\w-])pogon ", call)]
     inside = re.compile(r"^ *docker compose (exec|run)( -\S+( /\S+)?)* pogon ")  # the service has the command's name

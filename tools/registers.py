@@ -209,10 +209,12 @@ def _settings(kind: EquipmentType, plc: PlcMap) -> Iterator[str]:
     points = _inside(kind.points.values(), image.address, end)
     last = max(point.register.address + point.register.words for point in points if point.register)
     count = last - first
+    behind = f"{_span(last, end - 1)} spare, 0, and " if last < end else ""
     yield (
-        f"Word 0 generation, word 1 count ({len(points)}), then the values in effect, last word generation. To change one, write all "
-        f"{count} words at 0x{plc.staging:04X}, then send command 0x{words.COMMIT_SETTINGS:04X} with argument 1 = {count} and argument 2 = "
-        "CRC-32 (zlib) of these words as big-endian bytes. The device takes all or none."
+        f"0x{image.address:04X} generation, 0x{image.address + 1:04X} count ({len(points)}), from 0x{first:04X} the values in effect, "
+        f"{behind}0x{end:04X} the generation again. To change one, "
+        f"write all {count} words at 0x{plc.staging:04X}, then send command 0x{words.COMMIT_SETTINGS:04X} with argument 1 = {count} and "
+        "argument 2 = CRC-32 (zlib) of these words as big-endian bytes. The device takes all or none."
     )
     rows = []
     for point in points:
@@ -225,6 +227,10 @@ def _settings(kind: EquipmentType, plc: PlcMap) -> Iterator[str]:
         choices = f": {_choices(kind, setpoint.options)}" if setpoint.options else ""
         rows.append((*row, setpoint.role, _text(kind, point.label) + choices))
     yield _grid(("register", "staged at", "type", "name", "unit", "default", "limits", "role", "meaning"), rows)
+
+
+def _span(first: int, last: int) -> str:
+    return f"0x{first:04X}" if first == last else f"0x{first:04X}–0x{last:04X}"
 
 
 def _commands(kind: EquipmentType, plc: PlcMap) -> Iterator[str]:

@@ -221,6 +221,8 @@ class Outages(Line):
                 job.timeout = min(job.timeout, patience)
             try:
                 await self.ask(job, Priority.REFRESH)
+                if job.read is not None:
+                    station.prove(job.read)  # a witness that it is there, where it is silent for what is scanned
                 break
             except DeviceException as error:
                 if error.code not in GATEWAY:

@@ -86,7 +86,6 @@ class PlcUnit:
         self.minor = plc_map.MINOR  # of its map
         self._bus = bus
         self._station = station
-        self._told = ""
         self._heartbeat = chance.randrange(0, 0x10000)
         self._pulse = Pulse()
         self._pulse_words = Block(plc_map.HEADER + FIRST, LAST - FIRST + 1)
@@ -129,7 +128,6 @@ class PlcUnit:
             if fault:
                 self._tell(fault)
                 return False
-            self._told = ""
             self._header(words, began, asyncio.get_running_loop().time())
             await self._first_sign()
             return True
@@ -371,6 +369,5 @@ class PlcUnit:
         return self._station.link.name, self._station.number
 
     def _tell(self, fault: str) -> None:
-        if fault != self._told:
-            self._told = fault
+        if self._station.faults.new(fault, self._bus.clock.monotonic()):
             log.error("device is not that of the plant file link=%s unit=%d: %s", *self._where, fault)

@@ -5,7 +5,6 @@ import logging
 from app.errors import BadAnswer, DeviceException, NoAnswer
 from app.links.line import Line
 from app.links.station import Station
-from app.links.statistics import LinkState
 from app.links.training_head import read_head
 from app.registers import plc_map
 from app.registers.pdu import READ_HOLDING
@@ -34,12 +33,7 @@ async def answers_instead(line: Line, station: Station) -> bool:
         return False
     if (words[plc_map.AT_MAGIC], words[plc_map.AT_MAJOR]) != (plc_map.MAGIC, plc_map.MAJOR):
         return False
-    if station.state is not LinkState.CONFIGURATION:  # once
-        log.error(
-            "device is not that of the plant file link=%s unit=%d: a Pogon PLC of type %d answers, expected %s",
-            line.link.name,
-            station.number,
-            words[plc_map.AT_TYPE],
-            station.equipment[0].type.name,
-        )
+    fault = f"a Pogon PLC of type {words[plc_map.AT_TYPE]} answers, expected {station.equipment[0].type.name}"
+    if station.faults.new(fault, line.clock.monotonic()):
+        log.error("device is not that of the plant file link=%s unit=%d: %s", line.link.name, station.number, fault)
     return True

@@ -12,6 +12,7 @@ from app.addresses import as_written
 from app.errors import GATEWAY, BadAnswer, DeviceException, NoAnswer, NotConnected
 from app.links.contract import Block, Transport
 from app.links.rtu import RtuTransport
+from app.links.serial_port import NotSupported
 from app.links.tcp import TcpTransport
 from app.plant.definitions import Link
 from app.registers.pdu import BITS, READ_HOLDING
@@ -78,10 +79,14 @@ async def probe(
     `tell` hears each unit before it is asked. Some devices close the connection when they are asked for another unit: it is opened again.
 
     Raises:
+        NotSupported: the port does not take this speed or parity, or passes over the parity.
         NotConnected: the port or the host is not to be had, or each unit had the connection closed.
     """
     transport = transport_of(one.link)
     await transport.connect()
+    if isinstance(transport, RtuTransport) and (parity := transport.parity) != one.link.parity:
+        await transport.close()
+        raise NotSupported(f"{one.link.port}: does not take parity {one.link.parity}, it has {parity}")
     found: list[Found] = []
     lost: NotConnected | None = None
     stayed = 0

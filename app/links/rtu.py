@@ -27,7 +27,7 @@ from app.links.late_answers import LateAnswers, Pattern, Piece, pattern_of_answe
 from app.links.line_diagnosis import LineDiagnosis
 from app.links.patience import more
 from app.links.repeats import Repeats
-from app.links.serial_port import close_port, open_port, reason_of
+from app.links.serial_port import close_port, open_port, parity_of, reason_of
 from app.plant.definitions import Link
 from app.registers.pdu import READS, Request, build_answer, build_request, parse_answer
 from app.registers.rtu import SLAVES, AnswerFramer, build_frame, character_time, silence
@@ -98,6 +98,11 @@ class RtuTransport:
     def connected(self) -> bool:
         """Whether the port is open, as far as anybody knows."""
         return self._port is not None
+
+    @property
+    def parity(self) -> str:
+        """That of the open port, empty while there is none; some ports pass over what they are asked for."""
+        return parity_of(self._port) if self._port is not None else ""
 
     async def connect(self) -> None:
         """Open the port for us alone.
@@ -239,9 +244,7 @@ class RtuTransport:
         elif self._framer.pending and loop.time() < self._heard + GAP:
             telegram.timer = loop.call_at(self._heard + GAP, self._time_is_up, telegram, patience)
         elif telegram.older is not None and not telegram.answer.done():
-            pdu, until = (
-                telegram.older
-            )  # one answer came to two reads of the same registers: it stands, the other is still owed
+            pdu, until = telegram.older  # one answer to two reads of the same registers: it stands, the other is owed
             self.counts.late -= 1
             self._late_answers.unanswered(telegram.pattern, loop.time(), telegram.request.address, until=until)
             telegram.answer.set_result(pdu)

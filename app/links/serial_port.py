@@ -52,6 +52,14 @@ def open_port(link: Link) -> serial.Serial:
     return port
 
 
+def parity_of(port: serial.Serial) -> str:
+    """The parity that the open port has, which is not always the one it was asked for: a pseudo-terminal has none."""
+    flags = termios.tcgetattr(port.fileno())[2]
+    if not flags & termios.PARENB:
+        return "none"
+    return "odd" if flags & termios.PARODD else "even"
+
+
 def close_port(port: serial.Serial) -> None:
     """Give it back without waiting for what could not be sent."""
     with contextlib.suppress(OSError, termios.error):

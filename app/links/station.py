@@ -7,6 +7,7 @@ from math import inf
 from typing import TypeVar
 
 from app.links.contract import Block
+from app.links.faults import Faults
 from app.links.map_plan import plan_map
 from app.links.planner import Learned, Plan, Reading, Rows, overhead, plan, span_of
 from app.links.scan_block import ScanBlock, words_of
@@ -48,6 +49,8 @@ class Station:
     """How often in a row it was lost there, while others were answered."""
     mute: bool = False
     """Whether it said nothing when it was asked for the header of a PLC (plc_instead.py)."""
+    faults: Faults = field(default_factory=Faults)
+    """Why it is not the device of the plant file, as it was told."""
     state: LinkState = LinkState.CONNECTING
     halted: bool = False
     """Whether its program stands still while it answers."""
@@ -193,19 +196,15 @@ class Station:
     def probe(self, turn: int = 0) -> Block:
         """One register that the device answered, or should: each `turn` of another block, the fastest first, else the first of its map.
 
-        Of a device that closes the connection for some register, also those behind the first of a block: that may be the one.
+        Of a device that never answered, also those behind the first of a block: that may be the one for which it is silent, or hangs up.
         """
         known = self.largest or self.largest_of_bits
-        if (
-            known is None
-            and self.learned.hang_up
-            and self.blocks
-            and (spans := spans_of(self.blocks[turn % len(self.blocks)].points))
-        ):
-            first, _ = spans[turn // len(self.blocks) % len(spans)]
-            return Block(first, 1, self.blocks[turn % len(self.blocks)].block.function)
         if known is None and self.blocks:
-            known = self.blocks[turn % len(self.blocks)].block
+            block = self.blocks[turn % len(self.blocks)]
+            known, spans = block.block, spans_of(block.points)
+            if spans and (turn >= len(self.blocks) or self.learned.hang_up):
+                first, _ = spread(spans)[turn // len(self.blocks) % len(spans)]
+                return Block(first, 1, known.function)
         if known is not None:
             return Block(known.address, 1, known.function)
         for point in self.unreadable:
@@ -296,3 +295,8 @@ class Finding:
 def spans_of(points: Iterable[Point]) -> list[tuple[int, int]]:
     """The different spans of registers of `points`, in order."""
     return sorted({span_of(point.register) for point in points if point.register is not None})
+
+
+def spread(spans: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The first of `spans`, that in the middle, those at the quarters, and so on: where many side by side are silent, one is soon found."""
+    return [spans[n] for n in sorted(range(len(spans)), key=lambda n: -(n & -n) if n else -len(spans))]

@@ -42,14 +42,9 @@ async def look_at_head(line: Line, station: Station) -> bool | None:
     if magic != MAGIC:
         return True
     if version != VERSION or not flags & SIMULATED:
-        log.error(
-            "training registers not understood link=%s unit=%d flags=%#x version=%d expected=%d",
-            line.link.name,
-            station.number,
-            flags,
-            version,
-            VERSION,
-        )
+        fault = f"flags={flags:#x} version={version} expected={VERSION}"
+        if station.faults.new(fault, line.clock.monotonic()):
+            log.error("training registers not understood link=%s unit=%d %s", line.link.name, station.number, fault)
         return False
     station.marked = True
     return True

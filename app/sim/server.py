@@ -23,7 +23,7 @@ from app.addresses import as_written
 from app.clock import Clock
 from app.errors import ConfigurationError
 from app.plant.definitions import Plant
-from app.registers.pdu import MAX_PDU
+from app.registers.pdu import MAX_PDU, READ_WRITE, WRITE_COILS, WRITE_MULTIPLE
 from app.registers.rtu import Framer, build_frame, character_time, silence
 from app.sim.bus import Answer, Bus, damaged
 from app.sim.plant import SimPlant
@@ -32,6 +32,10 @@ log = logging.getLogger(__name__)
 
 MBAP = Struct(">HHHB")
 """Transaction, protocol (0), length of what follows it, unit."""
+COUNTED = (WRITE_COILS, WRITE_MULTIPLE, READ_WRITE)
+"""Functions whose requests say how many bytes they bring: more than a telegram holds can be asked for."""
+LONGEST = 10 + 255
+"""The longest of these PDUs, that of function 23 with a full byte count."""
 MAX_CONNECTIONS = 64
 SEND_TIMEOUT = 5.0
 """A client that does not take its answers for so long is dropped [s]."""
@@ -120,10 +124,15 @@ class TcpServer:
     async def _serve_one(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
         """Take one request and answer it; False when what came is not Modbus, where no resynchronising is possible."""
         transaction, protocol, length, unit = MBAP.unpack(await reader.readexactly(MBAP.size))
-        if protocol != 0 or not 2 <= length <= MAX_PDU + 1:
+        if protocol != 0 or not 2 <= length <= LONGEST + 1:
             return False
-        pdu = await reader.readexactly(length - 1)
+        function = await reader.readexactly(1)
+        if length > MAX_PDU + 1 and function[0] not in COUNTED:
+            return False
+        pdu = function + await reader.readexactly(length - 2)
         self._note_use()
+        if len(pdu) > MAX_PDU:  # 124 registers, of a master that does not count them: refused, not hung up on
+            pdu = function
         async with self._turn:
             answer = self._bus.answer(unit, pdu)
             await asyncio.sleep(0)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from app.links.station import spread
 from app.links.statistics import LinkState
 from app.plant.definitions import Device, Link
 from app.registers.register import Type
@@ -212,6 +213,31 @@ async def test_a_unit_that_is_silent_for_the_first_of_its_registers_is_read(fall
         await asyncio.sleep(10)
         assert all(is_good(line.quality(one.name)) for one in points[1:])
         assert line.quality("m.v0") == NOT_CONNECTED | SIMULATED
+
+
+@pytest.mark.parametrize("fallback", [0, 9])
+@pytest.mark.parametrize("silent", [{0}, {0, 29}, set(range(12)), set(range(29))])
+async def test_a_unit_that_never_answered_is_found_by_whichever_register_answers(
+    silent: set[int], fallback: int
+) -> None:
+    """All its registers are of one block: it was asked for the first alone, for ever."""
+    bus = Bus({1: RegisterDevice({n: n for n in range(30)})})
+
+    async def exchange(unit: int, pdu: bytes) -> bytes | None:
+        first, count = int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
+        return None if silent.intersection(range(first, first + count)) else await on_bus(bus)(unit, pdu)
+
+    device = replace(QUICK, fallback_read=fallback)
+    async with running([row("m", 1, 30, device)], exchange=exchange, link=Link("hall", "memory")) as line:
+        others = [f"m.v{n}" for n in range(30) if n not in silent]
+        await until(lambda: all(map(is_good, map(line.quality, others))), 45.0 if len(silent) > 12 else 10.0)
+        await until(lambda: all(line.quality(f"m.v{n}") == NOT_CONNECTED | SIMULATED for n in silent))
+
+
+def test_the_registers_of_a_block_are_asked_for_the_halves_first() -> None:
+    spans = [(n, n) for n in range(9)]
+    assert [first for first, _ in spread(spans)] == [0, 8, 4, 2, 6, 1, 3, 5, 7]
+    assert spread([]) == []
 
 
 async def test_a_unit_that_falls_silent_while_it_is_examined_is_silent() -> None:

@@ -146,6 +146,13 @@ def test_the_page_names_the_words_that_are_sent_and_its_plant_file_is_read(kind:
         for write in (*command.writes, *command.release):
             if write.point == "control_word":
                 assert f"0x{int(float(write.value)):04X}" in page, key
+        last = [int(float(write.value)) for write in command.writes if write.point == "control_word"][-1:]
+        rows = [
+            row for row in page.splitlines() if row.startswith("| ") and all(f"0x{word:04X}" in row for word in last)
+        ]
+        for mode in {int(float(write.value)) for write in command.writes if write.point == "position_control"}:
+            told = f"POS_STW1 0x{mode:04X}" if mode else r"POS_STW1 0\b(?!x)"
+            assert any(re.search(told, row) for row in rows), key
     (block,) = re.findall(r"```toml\n(.*?)```", page, re.S)
     head = '[plant]\nname = "x"\ntimezone = "UTC"\nlanguages = ["hr", "en", "de", "cs"]\n'
     (tmp_path / "plant.toml").write_text(head + block, "utf-8")

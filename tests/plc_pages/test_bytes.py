@@ -1,6 +1,7 @@
 """Every row of docs/registers/ is what a virtual device sends: address, type, bit, unit, meaning, limits, codes."""
 
 import math
+import re
 from collections.abc import Iterator
 from functools import cache
 from struct import pack, unpack
@@ -160,6 +161,23 @@ def test_images_are_whole_spare_words_are_0_and_numbers_are_numbers(kind: str) -
                 if cell.form == "f32":
                     value = cell.number(words(memory, cell.at, 2))
                     assert math.isnan(value) or value == 0 or 1e-12 < abs(value) < 1e9, (cell.name, value)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_page_says_where_the_settings_end(kind: str) -> None:
+    """Behind the values lies a spare word: whose generation stood there had an image that was never whole."""
+    page = read_page(kind)
+    assert page.settings
+    told = re.search(
+        r"0x(\w{4}) generation, 0x(\w{4}) count \((\d+)\).*?(?:0x(\w{4})(?:–0x(\w{4}))? spare, 0, and )?0x(\w{4}) the generation again",
+        text_of(kind),
+    )
+    assert told
+    first, count, spare, last = (int(told[n], 16) for n in (1, 2, 4, 6))
+    for memory in snapshots()[kind]:
+        assert memory[first] == memory[last] and memory[count] == int(told[3]) and memory[spare] == 0
+    assert (first, last) == (page.settings.address, page.settings.address + page.settings.words - 1)
+    assert spare == max(cell.at for cell in page.settings.cells) + 2
 
 
 @pytest.mark.sweep(8)

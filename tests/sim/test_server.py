@@ -301,6 +301,24 @@ async def test_what_is_not_modbus_is_dropped(nonsense: bytes) -> None:
         assert await polls(served)
 
 
+@pytest.mark.parametrize(
+    "pdu",
+    [
+        b"\x10\x20\x00\x00\x7c\xf8" + bytes(248),  # 124 registers
+        b"\x0f\x00\x00\x07\xf8\xff" + bytes(255),  # 2040 coils
+        b"\x17\x10\x00\x00\x01\x20\x00\x00\x7a\xf4" + bytes(244),  # 122 registers
+        b"\x17\x10\x00\x00\x01\x20\x00\x00\x7f\xff" + bytes(255),
+    ],
+)
+async def test_more_than_a_telegram_holds_is_refused_with_03_and_the_connection_stays(pdu: bytes) -> None:
+    """A master that does not count its registers got no answer, and took the line for broken."""
+    async with tcp() as served, socket_to(served) as (reader, writer):
+        writer.write(framed(pdu) + framed(POLL))
+        async with asyncio.timeout(ANSWERS):
+            assert await reader.readexactly(9) == framed(bytes((pdu[0] | 0x80, 3)))
+            assert await reader.readexactly(59) == framed(ANSWER)
+
+
 async def test_a_client_that_leaves_in_the_middle_harms_nobody() -> None:
     async with tcp() as served:
         for cut in range(1, 12):

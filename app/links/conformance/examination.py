@@ -86,21 +86,22 @@ async def examine(exchange: Exchange, data: TypeData, *, write: bool = False) ->
         NotConnected: the connection is gone for good.
     """
     subject = Subject(Server(exchange), data)
-    states: dict[str, State] = {}
+    found: dict[str, Finding] = {}
     for rule in RULES:
-        finding = await _judge(rule, subject, states, write=write)
-        states[rule.name] = finding.state
+        finding = found[rule.name] = await _judge(rule, subject, found, write=write)
         yield finding
 
 
-async def _judge(rule: Rule, subject: Subject, states: dict[str, State], *, write: bool) -> Finding:
-    unmet = next((name for name in rule.needs if states[name] is not State.KEPT), "")
+async def _judge(rule: Rule, subject: Subject, found: dict[str, Finding], *, write: bool) -> Finding:
+    unmet = next((name for name in rule.needs if found[name].state is not State.KEPT), "")
     if rule.name == "hold" and not any(command.hold_bits for command in subject.kind.commands.values()):
         return Finding(rule.name, State.SKIPPED, rule.section, why="none")
     if rule.writes and not write:
         return Finding(rule.name, State.SKIPPED, rule.section, why="not_asked")
     if rule.writes and subject.first and not subject.first.words[plc_map.AT_FLAGS] & plc_map.WRITABLE:
         return Finding(rule.name, State.SKIPPED, rule.section, why="not_writable")
+    if unmet and found[unmet].why == "none":  # what the type does not have has no parts either
+        return Finding(rule.name, State.SKIPPED, rule.section, why="none")
     if unmet:
         return Finding(rule.name, State.SKIPPED, rule.section, why="needs", needs=unmet)
     try:

@@ -11,7 +11,7 @@ What no source tells, or tells differently:
 | jog towards a software limit | ends at it; beyond it only away from it |
 | software limits | count with bit 14 of POS_STW2, and only of an adjusted axis |
 | traversing blocks | each a position, a velocity and a pause; the block number picks the first one, after the last comes the first one |
-| a jog while a task is under way | is not taken |
+| a jog while a task is under way, or MDI is selected | is not taken; MDI that is selected ends it |
 
 Source: reference/profidrive.md sections 1, 6 and 7 (bits and parameters with their certainty), reference/theses-facts.md section 4.
 """

@@ -21,6 +21,10 @@ def _free() -> list[Message]:
     return [Message() for _ in range(PLACES)]
 
 
+def _filled(messages: list[Message]) -> list[Message]:
+    return [*messages, *_free()[len(messages) :]]
+
+
 class FaultBuffer:
     """Faults by situation, the present one first."""
 
@@ -75,13 +79,17 @@ class FaultBuffer:
         return new
 
     def acknowledge(self) -> None:
-        """Situations move on by one, the last is forgotten; nothing happens where none is open."""
-        if not any(self.present):
+        """Situations move on by one, the last is forgotten; nothing happens where none is open.
+
+        What came since the drive last reacted was not there to be acknowledged: it opens the next situation.
+        """
+        closed = [message for message in self.messages[0] if message.number and message.number not in self.new]
+        if not closed:
             return
-        for message in self.messages[0]:
-            if message.number and not message.gone:
-                message.gone = self.now
-        self.messages = [_free(), *self.messages[:-1]]
+        for message in closed:
+            message.gone = message.gone or self.now
+        opened = [message for message in self.messages[0] if message.number in self.new]
+        self.messages = [_filled(opened), _filled(closed), *self.messages[1:-1]]
         self.changes = self.changes + 1 & 0xFFFF
 
     def clear(self) -> None:

@@ -104,6 +104,19 @@ def test_a_jog_moves_while_it_is_held_and_ends_at_the_software_limit(word: int, 
     assert it.speed == -way * 50_000, "back"
 
 
+def test_while_mdi_is_selected_no_jog_is_taken_and_one_under_way_ends() -> None:
+    it = standing()
+    run(it, wanted(JOG_2, ABSOLUTE), 1)
+    assert (it.task, it.position) == (Task.NONE, 400_000)
+    run(it, wanted(JOG_2), 1)
+    assert it.task is Task.NONE, "the button has to be pressed anew"
+    run(it, wanted(GO), 0.1)
+    run(it, wanted(JOG_2), 1)
+    assert it.task is Task.JOG
+    run(it, wanted(JOG_2, RELATIVE), 1)
+    assert it.task is Task.NONE and not it.speed
+
+
 def test_without_limits_a_jog_goes_on_and_both_at_once_stop() -> None:
     it = standing(799_000)
     run(it, wanted(JOG_2, pos_stw2=0), 2)

@@ -55,3 +55,29 @@ def test_the_buffer_shifts_by_situations_and_only_its_eighth_place_is_overwritte
         step(drive, 0.05)
         assert (first in drive.buffer.situations) is (n < 7)
         assert len(drive.buffer.situations) == 8 and all(len(situation) == 8 for situation in drive.buffer.situations)
+
+
+def test_a_fault_that_comes_as_another_is_acknowledged_opens_the_next_situation() -> None:
+    """It was moved on unseen: the status word said fault, and there was none."""
+    drive = running()
+    drive.write(6, REG_MACHINE_FAULT, [7860])
+    step(drive, 0.1)
+    drive.write(6, REG_MACHINE_FAULT, [0])
+    command(drive, ENABLES)
+    drive.buffer.enter(7452)  # as a trip at the end of a step
+    command(drive, ENABLES | Control.ACKNOWLEDGE)
+    assert [situation[:2] for situation in drive.buffer.situations[:3]] == [[7452, 0], [7860, 0], [0, 0]]
+    assert drive.faults == [7452] and drive.machine.faulted
+    assert drive.buffer.messages[0][0].gone == 0 < drive.buffer.messages[1][0].gone
+    command(drive, ENABLES)
+    command(drive, ENABLES | Control.ACKNOWLEDGE)
+    assert drive.faults == [] and not drive.machine.faulted
+    assert [situation[:2] for situation in drive.buffer.situations[:3]] == [[0, 0], [7452, 0], [7860, 0]]
+
+
+def test_an_acknowledgement_with_nothing_to_acknowledge_leaves_what_comes() -> None:
+    drive = running()
+    drive.buffer.enter(7860)
+    command(drive, RUN | Control.ACKNOWLEDGE)
+    assert drive.faults == [7860] and drive.machine.faulted
+    assert not any(map(any, drive.buffer.situations[1:]))
