@@ -35,7 +35,6 @@ export function mark() {
 
 const inside = document.getElementById("banner");
 const shown = () => inside?.querySelector("[data-marks]")?.dataset ?? {};
-
 let occurrence = shown().occurrence;
 
 document.addEventListener("htmx:after:swap", ({ target }) => {
@@ -59,7 +58,8 @@ document.addEventListener("keydown", (event) => {
   if (event.key !== "F8" || event.ctrlKey || event.altKey || event.metaKey || event.shiftKey) return;
   if (document.querySelector("dialog[open]")) return;
   event.preventDefault();
-  (document.querySelector("#ack-selected:not([aria-disabled=true])") ?? document.getElementById("banner-ack"))?.click();
+  const ack = document.querySelector("#ack-selected:not([aria-disabled=true])") ?? document.getElementById("banner-ack");
+  ack ? ack.click() : window.pogon.say(shown().without);
 });
 
 // ---- announcements ----------------------------------------------------------------------------------------------

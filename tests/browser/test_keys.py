@@ -45,7 +45,8 @@ def test_each_key_leads_there_from_every_page_and_out_of_a_field(operator: Opera
 def test_the_key_acknowledges_what_is_shown_and_on_the_list_what_is_chosen(operator: Operator) -> None:
     page = operator.page
     operator.go("/equipment/m1")
-    page.keyboard.press("F8")  # there is nothing to acknowledge, and nothing happens
+    page.keyboard.press("F8")
+    expect(page.locator("#message")).to_contain_text("There is nothing to acknowledge")
     banner = page.locator("#alarms")
     for unit, code, text in ((2, 9, "Converter: overheated"), (1, 4, "Converter: overcurrent")):
         operator.trip(unit, code)
@@ -57,6 +58,12 @@ def test_the_key_acknowledges_what_is_shown_and_on_the_list_what_is_chosen(opera
     page.keyboard.press("F8")
     expect(rows).to_have_count(1, timeout=30_000)
     expect(rows).to_contain_text("overheated")
+    guest = page.context.browser.new_page()  # type: ignore[union-attr]
+    guest.goto(f"{operator.server.url}/equipment/m2")
+    expect(guest.locator("#alarms strong")).to_have_text("Pretvarač: pregrijavanje", timeout=30_000)
+    guest.keyboard.press("F8")
+    expect(guest.locator("#message")).to_contain_text("Za ovo je potrebna prijava")
+    guest.close()
     operator.go("/equipment/m2")
     expect(banner.locator("strong")).to_have_text("Converter: overheated", timeout=30_000)
     page.wait_for_timeout(600)  # a press right after the banner changed was meant for what stood there before
