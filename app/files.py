@@ -5,6 +5,7 @@ our business. Each is one line, and nothing of its content is shown.
 """
 
 import os
+import re
 import stat
 from collections.abc import Iterator
 from contextlib import suppress
@@ -22,6 +23,10 @@ KINDS = (
     (stat.S_ISBLK, "a device"),
 )
 ORDINARY = "an ordinary file"
+UNFINISHED = re.compile(r"\.(.+)\.(?:new|[0-9a-f]{8})")
+"""What a file that is written beside another, and then takes its place, is called."""
+AT_WORK = 60.0
+"""A file that is written beside another one is in its place by then [s]."""
 PIECE = 1_000_000
 """A file is read in such pieces [bytes]."""
 
@@ -115,6 +120,24 @@ def exchange_file(path: Path, content: bytes) -> None:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+def remove_unfinished(folder: Path, now: int) -> list[Path]:
+    """Remove what `exchange_file` or `write_private` left in `folder` when they were killed; returns it.
+
+    What was written in the last minute before `now` [µs UTC] may be another process at its work. One that cannot be removed stays.
+    """
+    removed = []
+    for path in sorted(folder.glob(".*")):
+        of = UNFINISHED.fullmatch(path.name)
+        if of is None or not (folder / of[1]).is_file():
+            continue
+        with suppress(OSError):
+            found = path.lstat()
+            if stat.S_ISREG(found.st_mode) and not 0 <= now - found.st_mtime * 1e6 < AT_WORK * 1e6:
+                path.unlink()
+                removed.append(path)
+    return removed
 
 
 def append_line(path: Path, line: str) -> None:

@@ -18,6 +18,7 @@ from app.commands.machine import Machine
 from app.database_watch import DatabaseWatch
 from app.db import Database
 from app.errors import ConfigurationError, StorageError
+from app.files import remove_unfinished
 from app.historian.events import Events
 from app.historian.recorder import Recorder
 from app.historian.records import RecordFold
@@ -28,6 +29,7 @@ from app.plant.changes import renamed
 from app.plant.definitions import Equipment, Link, Plant, Point
 from app.plant.problems import Problem
 from app.plant.retained import RetainedStates
+from app.plant.sequences import FOLDER as SEQUENCES
 from app.plant.system import COMMANDS, EVENTS
 from app.plant.texts import Texts
 from app.running.classroom import Classroom
@@ -172,7 +174,7 @@ class Runtime:
         await asyncio.to_thread(self.db.close)
 
     def _open_storage(self) -> None:
-        prepare(self.settings.data)
+        _prepare(self.settings, self.clock)
         self.db = Database(self.settings.data / "pogon.db", "pogon", self._threads)
         self.db.migrate()
         self.history = Database(self.settings.data / "history.db", "history", self._threads)
@@ -376,6 +378,13 @@ def _carried_by(bus: Bus | None) -> Callable[[int, bytes], Awaitable[bytes | Non
 def _pause_of(bus: Bus | None) -> Callable[[], bool]:
     """Whether the simulation behind a link is paused now."""
     return lambda: bus is not None and bus.paused
+
+
+def _prepare(settings: Settings, clock: Clock) -> None:
+    prepare(settings.data)
+    for folder in (settings.data, settings.plant / SEQUENCES):
+        for path in remove_unfinished(folder, clock.micros()):
+            log.warning("half written file removed file=%s", path)
 
 
 def _access(settings: Settings, database: Database, clock: Clock, threads: Threads) -> Access:

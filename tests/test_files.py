@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from app.access.private import write_private
+from app.clock import SystemClock
 from app.errors import MissingFile, UnusableFile
-from app.files import open_ordinary, read_bytes, read_text
+from app.files import exchange_file, open_ordinary, read_bytes, read_text, remove_unfinished
 
 
 def _pipe(path: Path) -> None:
@@ -81,6 +83,34 @@ def test_room_is_made_for_what_is_there_not_for_the_most_that_may_be(tmp_path: P
         assert tracemalloc.get_traced_memory()[1] < 3_000_000
     finally:
         tracemalloc.stop()
+
+
+def test_what_a_killed_writer_left_is_removed_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def killed(*_: object, **__: object) -> None:
+        raise SystemExit
+
+    for name in ("key", "lift.toml"):
+        (tmp_path / name).write_bytes(b"old")
+    with monkeypatch.context() as patch:
+        for name in ("replace", "unlink"):
+            patch.setattr(Path, name, killed)
+        for write in (
+            lambda: write_private(tmp_path / "key", "new"),
+            lambda: exchange_file(tmp_path / "lift.toml", b"new"),
+        ):
+            with pytest.raises(SystemExit):
+                write()
+    left = {path.name for path in tmp_path.iterdir()} - {"key", "lift.toml"}
+    assert len(left) == 2
+    now = SystemClock().micros()
+    kept = {"key", "lift.toml", ".hidden", ".gone.toml.new", ".key.bak", "key.new"}
+    for name in kept:
+        (tmp_path / name).touch()
+    (tmp_path / ".lift.toml.0a1b2c3d").mkdir()
+    assert remove_unfinished(tmp_path, now) == [], "one that was written just now may be at work"
+    assert {path.name for path in remove_unfinished(tmp_path, now + 61_000_000)} == left
+    assert {path.name for path in tmp_path.iterdir()} == kept | {".lift.toml.0a1b2c3d"}
+    assert remove_unfinished(tmp_path / "none", now) == []
 
 
 def test_a_text_may_have_its_mark_and_is_utf_8(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from app.links.late_answers import LateAnswers, Pattern, Piece, pattern_of_answe
 from app.links.line_diagnosis import LineDiagnosis
 from app.links.patience import more
 from app.links.repeats import Repeats
-from app.links.serial_port import close_port, open_port, parity_of, reason_of
+from app.links.serial_port import close_port, leads_elsewhere, open_port, parity_of, reason_of
 from app.plant.definitions import Link
 from app.registers.pdu import READS, Request, build_answer, build_request, parse_answer
 from app.registers.rtu import SLAVES, AnswerFramer, build_frame, character_time, silence
@@ -248,6 +248,8 @@ class RtuTransport:
             self.counts.late -= 1
             self._late_answers.unanswered(telegram.pattern, loop.time(), telegram.request.address, until=until)
             telegram.answer.set_result(pdu)
+        elif self._port is not None and leads_elsewhere(self._path, self._port):
+            self._drop("another device has this name now")
         else:
             if telegram.held:
                 self._repeats.doubles = False  # nothing was said twice here

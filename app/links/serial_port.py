@@ -60,6 +60,14 @@ def parity_of(port: serial.Serial) -> str:
     return "odd" if flags & termios.PARODD else "even"
 
 
+def leads_elsewhere(path: str, port: serial.Serial) -> bool:
+    """Whether another device than the one that `port` has open lies under its name now; False while none does."""
+    try:
+        return Path(path).stat().st_rdev != os.fstat(port.fileno()).st_rdev
+    except OSError:
+        return False
+
+
 def close_port(port: serial.Serial) -> None:
     """Give it back without waiting for what could not be sent."""
     with contextlib.suppress(OSError, termios.error):

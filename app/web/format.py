@@ -151,14 +151,24 @@ def duration(seconds: float, lang: str) -> str:
 
 
 def clock_time(
-    micros: int, zone: ZoneInfo, *, milliseconds: bool = False, seconds: bool = True, lang: str = "en"
+    micros: int,
+    zone: ZoneInfo,
+    *,
+    milliseconds: bool = False,
+    seconds: bool = True,
+    lang: str = "en",
+    offset: bool = True,
 ) -> str:
-    """Time of day in the plant's zone, 24 h with leading nought: `07:05:04`; milliseconds after the decimal sign of `lang`."""
+    """Time of day in the plant's zone, 24 h with leading nought: `07:05:04`; milliseconds after the decimal sign of `lang`.
+
+    The repeated hour of autumn with its offset, `02:30:00 +02:00`, unless without `offset`.
+    """
     moment = _floor(micros, zone)
+    text = f"{moment:%H:%M:%S}" if seconds or milliseconds else f"{moment:%H:%M}"
     if milliseconds:
         mark = "." if lang in DECIMAL_POINT else ","
-        return f"{moment:%H:%M:%S}{mark}{moment.microsecond // 1000:03d}"
-    return f"{moment:%H:%M:%S}" if seconds else f"{moment:%H:%M}"
+        text += f"{mark}{moment.microsecond // 1000:03d}"
+    return f"{text} {_offset(moment)}" if offset and repeated(moment) else text
 
 
 def date(micros: int, zone: ZoneInfo, lang: str, *, year: bool = True) -> str:
@@ -174,8 +184,7 @@ def date_time(micros: int, zone: ZoneInfo, lang: str, now: int, *, milliseconds:
     moment = to_datetime(micros).astimezone(zone)
     same_year = moment.year == to_datetime(now).astimezone(zone).year
     time = clock_time(micros, zone, milliseconds=milliseconds, lang=lang)
-    text = f"{date(micros, zone, lang, year=not same_year)} {time}"
-    return f"{text} {_offset(moment)}" if repeated(moment) else text
+    return f"{date(micros, zone, lang, year=not same_year)} {time}"
 
 
 def moment_or_time(micros: int, zone: ZoneInfo, lang: str, now: int, *, milliseconds: bool = False) -> str:
@@ -183,8 +192,7 @@ def moment_or_time(micros: int, zone: ZoneInfo, lang: str, now: int, *, millisec
     moment, today = to_datetime(micros).astimezone(zone), to_datetime(now).astimezone(zone).date()
     if moment.date() != today:
         return date_time(micros, zone, lang, now)
-    time = clock_time(micros, zone, milliseconds=milliseconds, lang=lang)
-    return f"{time} {_offset(moment)}" if repeated(moment) else time
+    return clock_time(micros, zone, milliseconds=milliseconds, lang=lang)
 
 
 def iso(micros: int, zone: ZoneInfo) -> str:

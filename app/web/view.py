@@ -400,7 +400,7 @@ class View:
             "counts": self._counts(runtime, text, any(tab.url == "/communication" for tab in engineering)),
             "timezone": zone.key,
             "now": now,
-            "now_time": fmt.clock_time(now, zone),
+            "now_time": fmt.clock_time(now, zone, offset=False),
             "now_date": f"{weekday(now, zone, lang)} {fmt.date(now, zone, lang)}",
             "revision": runtime.tags.revision,
             "build": self.build,

@@ -95,3 +95,19 @@ async def test_an_adapter_that_is_plugged_in_again_comes_back_by_itself(tmp_path
         port.symlink_to(line.path)
         await until(lambda: is_good(hall.quality("m1.v3")))
     await line.close()
+
+
+async def test_a_name_that_leads_to_another_adapter_is_followed_when_the_old_one_is_silent(tmp_path: Path) -> None:
+    path, (old, new) = tmp_path / "by-id", (RegisterDevice(dict.fromkeys(range(25), n)) for n in (1, 2))
+    first, second = [await serve_pty(Bus({1: device}), 115200) for device in (old, new)]
+    path.symlink_to(first.path)
+    async with running([row("m1", 1, 25)], link=rtu(str(path))) as made:
+        await until(lambda: made.value("m1.v0") == 1)
+        path.unlink()
+        path.symlink_to(second.path)
+        await asyncio.sleep(1)
+        assert is_good(made.quality("m1.v0")) and made.value("m1.v0") == 1, "as long as it answers it stays"
+        old.line_fault.mode = LineFaultMode.SILENT
+        await until(lambda: is_good(made.quality("m1.v0")) and made.value("m1.v0") == 2, 10)
+    for line in (first, second):
+        await line.close()
