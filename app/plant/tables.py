@@ -233,9 +233,9 @@ class Table:
             return value
         return 0.0 if default is REQUIRED else default
 
-    def whole(self, key: str, default: Any = REQUIRED, low: int = 0, high: int = 65535) -> Any:
+    def whole(self, key: str, default: Any = REQUIRED, low: int = 0, high: int = 65535, expected: str = "") -> Any:
         """A whole number `low <= value <= high`."""
-        expected = span("whole", low, high)
+        expected = expected or span("whole", low, high)
         value = self._value(key, default, expected)
         if key not in self.data:
             return low if value is REQUIRED else value

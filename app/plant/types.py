@@ -254,14 +254,16 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     kinds = record_kinds.read_kinds(files.open("records.toml"), files.folder, package, events, list(snapshot))
     sentences = Sentences()
     points = Points(name, options, sentences)
-    points.read(files.open("points.toml", optional=False))
+    points_file = files.open("points.toml", optional=False)
+    points.read(points_file)
     table_file = files.open("tables.toml")
     tables, columns = read_tables(table_file, options, points, has_map=device.plc is not None)
     for counting in {map.capacity for map in tables.values()} & set(options.ranges):
         options.check_whole(head, counting, said("mistake.capacity_whole"))
     for option in sorted(options.whole):
         options.check_whole(head, option, said("mistake.option_whole"))
-    setpoints = dict(read_setpoints(files.open("setpoints.toml"), points, sentences, device.plc))
+    setpoints_file = files.open("setpoints.toml")
+    setpoints = dict(read_setpoints(setpoints_file, points, sentences, device.plc))
     commands = CommandReader(name, points.found, options, sentences, device.plc).read(files.open("commands.toml"))
     orders = read_orders(head.table("actions").table("orders"), commands, sentences)
     check_interventions(table_file, tables, points=points.found, commands=commands, records=kinds)
@@ -276,9 +278,6 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     training = read_training(files.open("training.toml"), tuple(points.found))
     simulated = os.path.lexists(files.folder / SIMULATION)
     described = files.open(SIMULATION, optional=not simulated)
-    simulation = None
-    if simulated and described.data:
-        simulation = SimulationReader(name, points.found, options, training).read(described, device, setpoints)
     today = read_today(files.open("today.toml"), {key: data.point for key, data in points.found.items()}, kinds)
     known = files.open("parameters.toml")
     if device.parameters:
@@ -297,6 +296,11 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     sentences.check({key: data.point for key, data in points.found.items()}, name)
     check_registers(points.found.values(), files.sources)
     check_telegrams(points.found.values(), device, files.sources)
+    simulation = None
+    if simulated and described.data:
+        doubtful = bool(points_file.source.problems or setpoints_file.source.problems)
+        reader = SimulationReader(name, points.found, options, training)
+        simulation = reader.read(described, device, setpoints, doubtful=doubtful)
     if device.plc:
         plc.check_points(head, device.plc, registers_of, tuple(events))
         if not table_file.source.problems:  # a place or a number of rows that is wrong would tell what follows from it

@@ -42,7 +42,8 @@ def _couple(
         if machine.type.sequence:
             named.table.note("machine", named.name, said("mistake.no_sequence"))
             return
-        _note_unfit(item, machine, named, links)
+        if not _fits(item, machine, named, links):
+            return
         machines.found[id] = replace(item, machine=machine.id)
     forgotten = machine is None and item.link in links and links[item.link].simulated
     unread = sequences.unread_without_machine(item) if forgotten else []
@@ -67,13 +68,16 @@ def _note_unknown(id: str, named: NamedMachine, found: Mapping[str, Equipment], 
         named.table.note("machine", named.name, expected)
 
 
-def _note_unfit(item: Equipment, machine: Equipment, named: NamedMachine, links: Mapping[str, Link]) -> None:
+def _fits(item: Equipment, machine: Equipment, named: NamedMachine, links: Mapping[str, Link]) -> bool:
+    """Whether `machine` is of a kind that the sequence can have; else that alone is told, not each condition that it cannot answer."""
     steps = item.sequence.steps if item.sequence else ()
     if not machine.type.actions and any(step.actions for step in steps):
         expected = said("mistake.takes_actions", type=machine.type.name)
         named.table.note("machine", named.name, expected)
+        return False
     if {item.link, machine.link} <= set(links) and links[item.link].simulated != links[machine.link].simulated:
         named.table.note("machine", named.name, said("mistake.simulated_like"))
+    return True
 
 
 def _note_forgotten(table: Table, unread: Sequence[str]) -> None:

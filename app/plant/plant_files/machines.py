@@ -139,10 +139,11 @@ class Machines:
 
     @staticmethod
     def _unit(table: Table, link: Link | None) -> int:
-        number = table.raw("unit")
-        if link is not None and link.transport == "tcp" and type(number) is int and number in TCP_UNITS:
+        number, tcp = table.raw("unit"), link is not None and link.transport == "tcp"
+        if tcp and type(number) is int and number in TCP_UNITS:
             return number
-        return int(table.whole("unit", low=1, high=LARGEST_UNIT))
+        expected = said("mistake.unit_over_tcp", high=LARGEST_UNIT) if tcp else ""
+        return int(table.whole("unit", low=1, high=LARGEST_UNIT, expected=expected))
 
     @staticmethod
     def _within_units(table: Table, unit: int, count: int) -> int:

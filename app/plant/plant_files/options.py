@@ -22,6 +22,7 @@ def read_options(
     options = {**data.type.options, **preset}
     if sequence:
         options |= definition_options(sequence)
+    usual = dict(options)
     counts = {map.capacity for map in data.type.tables.values()} | data.counted | data.whole
     for name, default in options.items():
         if sequence and name in BY_DEFINITION:
@@ -42,6 +43,8 @@ def read_options(
         if not check.holds(numbers):
             shown = {name: f"{value:g}" for name, value in numbers.items()}
             table.note(check.option, Plain(shown[check.option]), check.told(shown))
+            # what follows from them is no mistake of its own
+            options |= {name: usual[name] for name in expression.parse(check.expression).names}
     return options
 
 

@@ -58,6 +58,7 @@ class SimulationReader:
 
     def __init__(self, owner: str, points: Mapping[str, PointData], options: Options, training: Training) -> None:
         self._owner = owner
+        self._doubtful = False
         self._points = {key: data.point for key, data in points.items() if data.point.register is not None}
         self._options = options
         self._words = {**training.world, **training.acts, **training.switches}
@@ -65,8 +66,14 @@ class SimulationReader:
         self._numbers = {key for key, point in self._points.items() if point.kind is not Kind.TEXT}
         self._names = self._numbers | set(options.defaults) | set(self._words) | {FAULT} | alike
 
-    def read(self, file: Table, device: Device, setpoints: Mapping[str, Setpoint]) -> Simulation:
-        """The whole file; what is wrong in it is noted there."""
+    def read(
+        self, file: Table, device: Device, setpoints: Mapping[str, Setpoint], *, doubtful: bool = False
+    ) -> Simulation:
+        """The whole file; what is wrong in it is noted there.
+
+        `doubtful`: points or setpoints have mistakes, and what only follows from these is none of this file.
+        """
+        self._doubtful = doubtful
         if device.services:
             file.note("", FILE, said("mistake.simulation_services", type=self._owner))
         for key, point in self._points.items():
@@ -81,7 +88,7 @@ class SimulationReader:
         rules = tuple(self._rule(row, values) for row in file.rows("rules"))
         start = self._start(file.table("start"))
         file.done()
-        if not file.source.problems:
+        if not file.source.problems and not doubtful:
             self._check_starts(file, start, values, setpoints)
         return Simulation(start, writes, rules, values)
 
@@ -205,7 +212,7 @@ class SimulationReader:
                 own = ((point.register.table, first + at, bit) for at in range(words) for bit in range(16))
             for table_, address, bit in own:
                 other = taken.setdefault((table_, 16 * address + bit), key)
-                if other != key:
+                if other != key and not self._doubtful:
                     table.note("", key, said("mistake.simulation_same_words", other=other))
                     break
             found[key] = self._movement(table, point)
