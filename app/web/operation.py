@@ -333,6 +333,7 @@ class Operation(Needs):
         return {name: text(f"operate.{name}") for name in ("not_delivered", "cancelled", "discarded", "moving")} | {
             "no_answer": text("fb.lost"),
             "sending": text("fb.requested"),
+            "required": text("why.argument_missing", label="{label}"),
         }
 
 
