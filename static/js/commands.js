@@ -152,7 +152,7 @@ document.addEventListener("pogon:time", ({ detail }) => { ahead = detail / 1000 
 function bars() {
   for (const button of document.querySelectorAll("[data-since]")) {
     const limit = Number(button.dataset.limit), passed = Math.max(0, Math.min(limit, (Date.now() + ahead) / 1000 - button.dataset.since / 1e6));
-    const bar = button.querySelector(".bar"), line = button.querySelector("small");
+    const bar = button.querySelector(".bar"), line = button.querySelector("small:not([data-why])");
     bar?.style.setProperty("--done", (passed / limit).toFixed(3));
     const written = (seconds) => number(seconds, seconds < 10 ? 1 : 0, lang);
     if (line && !offline()) line.textContent = button.dataset.waiting.replace("{elapsed}", written(passed)).replace("{limit}", written(limit));
