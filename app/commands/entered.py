@@ -24,7 +24,7 @@ def argument_of(order: Order, prepared: Prepared, kind: EquipmentType, look: exp
         if order.argument not in (None, ""):
             raise Refused("why.no_argument", 422)
         return None
-    if order.argument is None or order.argument == "":
+    if order.argument is None or (isinstance(order.argument, str) and not order.argument.strip()):
         raise Refused("why.argument_missing", 422, label=prepared.point.label)
     value = entered(order, prepared, order.argument)
     wrong = interlocks.wrong_value(prepared, value, look)
@@ -49,7 +49,7 @@ def arguments_of(order: Order, prepared: Prepared, look: expression.Look) -> dic
     found: dict[str, float] = {}
     for argument in known:
         given = order.arguments.get(argument.name, "")
-        if given == "":
+        if isinstance(given, str) and not given.strip():
             raise Refused("why.argument_missing", 422, label=argument.label, argument=argument.name)
         try:
             value = parse_number(given, order.language, argument.unit) if isinstance(given, str) else float(given)

@@ -5,6 +5,7 @@ A condition that is not known (a bad value) counts as not met. Every reason is a
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import isfinite
 
 from app.plant import expression
 from app.plant.definitions import (
@@ -280,7 +281,7 @@ def wrong_argument(argument: Argument, value: float, look: Look) -> RefusalReaso
     params: dict[str, object] = {"argument": argument.name, "unit": argument.unit, "value": value}
     if not known:
         return RefusalReason("why.limits_unknown", {**params, "point": argument.name}, argument.label)
-    if not abs(value) <= LARGEST_F32:
+    if not isfinite(value):
         return RefusalReason("why.not_a_number", {**params, "text": str(value)}, argument.label)
     if low is not None and high is not None and not low <= value <= high:
         return RefusalReason("why.out_of_limits", {**params, "min": low, "max": high}, argument.label)
@@ -288,6 +289,8 @@ def wrong_argument(argument: Argument, value: float, look: Look) -> RefusalReaso
         return RefusalReason("why.too_low", {**params, "min": low}, argument.label)
     if high is not None and value > high:
         return RefusalReason("why.too_high", {**params, "max": high}, argument.label)
+    if abs(value) > LARGEST_F32:
+        return RefusalReason("why.not_a_number", {**params, "text": str(value)}, argument.label)
     least, most = RANGE.get(argument.type, (value, value))
     if not least <= value <= most:
         bounds = {"min": least if low is None else low, "max": most if high is None else high}

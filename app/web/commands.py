@@ -70,6 +70,8 @@ def gate_of(operation: Operation) -> Gate:
 
 ARGUMENT = "arg_"
 """Before the name of an argument in a form."""
+OWN_FIELD: Mapping[str, str] = {"access.current_wrong": "password", "why.reason_too_long": "reason"}
+"""Refusal → what of the form it is about, where that is no value."""
 ROW = re.compile("[0-9]{1,18}")
 """How the row of a table is named in an address."""
 
@@ -311,7 +313,8 @@ async def _ask(request: Request, operation: Operation, key: str, *, value: bool 
             "error",
             error.status,
             key,
-            field=error.status == 422 or error.reason == "why.changed",
+            field=_field_of(error),
+            told=error.reason == "why.changed",
         )
     story = operation.words.tell(progress)
     return _answered(request, operation, form, story.text, story.kind, STATUS[progress.state], key, progress)
@@ -340,9 +343,13 @@ def _answered(
     key: str = "",
     progress: Progress | None = None,
     *,
-    field: bool = False,
+    field: str = "",
+    told: bool = False,
 ) -> Response:
-    """The line for the operator with the column anew; a form without script goes back to its page, or reads why not."""
+    """The line for the operator with the column anew; a form without script goes back to its page, or reads why not.
+
+    `field` is what of the form is wrong. `told`: the line says what the setpoint is now, so who sends again knows; as after any write.
+    """
     view = view_of(request)
     if not wants_fragment(request):
         if status >= 400:
@@ -364,7 +371,18 @@ def _answered(
     )
     if progress is not None:
         response.headers["X-Command"] = progress.id
+    if told or progress is not None:
+        response.headers["X-Value-Told"] = "1"
     return response
+
+
+def _field_of(refusal: Refused) -> str:
+    """The field of the form that a refusal is about; empty when it is about none."""
+    if "argument" in refusal.params:
+        return f"{ARGUMENT}{refusal.params['argument']}"
+    if own := OWN_FIELD.get(refusal.reason):
+        return own
+    return "argument" if refusal.status == 422 or refusal.reason == "why.changed" else ""
 
 
 def _question(
@@ -374,7 +392,7 @@ def _question(
     params = question.params
     if "argument" in params:  # the field stays; the person writes it so that it means one thing
         text = operation.words.refusal(question)
-        return _answered(request, operation, form, text, "error", 422, key, field=True)
+        return _answered(request, operation, form, text, "error", 422, key, field=_field_of(question))
     machine = operation.equipment
     commands = machine.equipment.type.commands
     command = commands.get(key)

@@ -66,6 +66,13 @@ class Button:
     """False for what does not make the machine move."""
     hidden: bool = False
     """There is nothing that it would put back."""
+    passing: bool = False
+    """`reason` is only that another one is on its way to the device: it is over before it is read, and nothing may move for it."""
+
+    @property
+    def why(self) -> str:
+        """`reason` as it is drawn; empty for one that passes, which is heard, and told to who presses."""
+        return "" if self.passing else self.reason
 
     @property
     def part(self) -> str:
@@ -174,13 +181,19 @@ class Operation(Needs):
     def _button(self, view: CommandView) -> Button:
         command = self.equipment.equipment.type.commands[view.key]
         url = f"{self.url}/stop" if view.stop else f"{self.url}/{'hold' if view.hold else 'command'}/{view.key}"
-        cause, reason = self._why_not(view.key)
-        asks = not reason and not command.stop and self.gate is not None and self.gate.level(self.id, view.key) >= "C2"
+        cause, reason, passing = self._why_not(view.key)
+        asks = (
+            (passing or not reason)
+            and not command.stop
+            and self.gate is not None
+            and self.gate.level(self.id, view.key) >= "C2"
+        )
         idle = self.equipment.text("operate.asks_first") if asks else f"{self.id.upper()} · {self.equipment.label}"
         look = "danger" if asks else ""
         progress = self.progress
         if progress is None or progress.command != view.key or (reason and progress.over):
-            return Button(view, url, line=reason or idle, reason=reason, cause=cause, look=look)
+            line = idle if passing else reason or idle
+            return Button(view, url, line=line, reason=reason, cause=cause, look=look, passing=passing)
         state = DRAWN.get(progress.state, "failed")
         if progress.over and progress.state is ProgressState.UNKNOWN:
             state = "failed"
@@ -188,18 +201,19 @@ class Operation(Needs):
             waits = progress.accepted if progress.state is ProgressState.ACCEPTED and not view.hold else 0
             line = f"{self.equipment.text(progress.text)} {self.words.time(progress.accepted or progress.requested)}"
             pattern = self.equipment.text("fb.waiting") if waits else ""
-            return Button(view, url, state, line, reason, cause, look, waits, progress.limit, pattern)
+            return Button(view, url, state, line, reason, cause, look, waits, progress.limit, pattern, passing=passing)
         text = self.equipment.text(progress.text)
         line = f"{text} {self.words.time(progress.ended)}" if state == "done" else self.words.because(progress) or text
         outcome = "" if state == "done" else text
-        return Button(view, url, state, f"{line} · {idle}" if asks else line, reason, cause, look, outcome=outcome)
+        line = f"{line} · {idle}" if asks else line
+        return Button(view, url, state, line, reason, cause, look, outcome=outcome, passing=passing)
 
     def why_not(self, key: str) -> str:
         """Why this person cannot give the command (or write the setpoint) now, in words; empty = possible."""
         return self._why_not(key)[1]
 
-    def _why_not(self, key: str) -> tuple[str, str]:
-        """The first cause alone, and with how many there are besides."""
+    def _why_not(self, key: str) -> tuple[str, str, bool]:
+        """The first cause alone, with how many there are besides, and whether it passes by itself in a moment."""
         text = self.equipment.text
         command = self.equipment.equipment.type.commands.get(key)
         permission = "stop" if command and command.stop else "operate"
@@ -213,8 +227,9 @@ class Operation(Needs):
             why = ""  # whoever may stop may always try
         else:
             found = self.gate.why_not(self.person, self.id, key)
-            return self.words.explain_first(found[:1]), self.words.explain_first(found)
-        return why, why
+            passing = bool(found) and found[0].key == "why.busy"
+            return self.words.explain_first(found[:1]), self.words.explain_first(found), passing
+        return why, why, False
 
     def former(self, button: Button) -> str:
         """The value before the last change, as it is entered; empty when there is none, or it is the present one."""
@@ -333,6 +348,7 @@ class Operation(Needs):
         return {name: text(f"operate.{name}") for name in ("not_delivered", "cancelled", "discarded", "moving")} | {
             "no_answer": text("fb.lost"),
             "sending": text("fb.requested"),
+            "required": text("why.argument_missing", label="{label}"),
         }
 
 

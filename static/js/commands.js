@@ -48,7 +48,7 @@ export function take(answer, near) {
   if (line) {
     const kind = line.dataset.kind ?? (answer.ok ? "info" : "error");
     (line.dataset.time ? told : say)(line.textContent.trim(), kind, line.dataset.time);
-    if (kind === "error" && near) hint(near, line.textContent.trim());
+    if (kind === "error" && near) hint(near, line.textContent.trim(), line.dataset.field);
   }
   const asks = inside.querySelector("[data-ask]");
   if (asks) ask(document.importNode(asks, true), near);
@@ -72,10 +72,14 @@ export function told(text, kind, time) {
   say(text, kind, time);
 }
 
-function hint(near, text) {
-  const place = near.querySelector?.("[data-hint]");
+/** Say `text` at a field or in a dialog; the input named `wrong` is framed as what it is about, and no other. */
+function hint(near, text, wrong = "") {
+  const place = near.querySelector("[data-hint]");
   if (place) place.textContent = text;
-  near.querySelector?.("input")?.closest(".in")?.classList.toggle("bad", Boolean(text));
+  for (const one of near.querySelectorAll(".in [name]")) {
+    one.ariaInvalid = one.name === wrong ? "true" : null;
+    one.closest(".in").classList.toggle("bad", one.name === wrong);
+  }
 }
 
 // ---- drawing anew ---------------------------------------------------------------------------------------------------------------------
@@ -148,7 +152,7 @@ document.addEventListener("pogon:time", ({ detail }) => { ahead = detail / 1000 
 function bars() {
   for (const button of document.querySelectorAll("[data-since]")) {
     const limit = Number(button.dataset.limit), passed = Math.max(0, Math.min(limit, (Date.now() + ahead) / 1000 - button.dataset.since / 1e6));
-    const bar = button.querySelector(".bar"), line = button.querySelector("small");
+    const bar = button.querySelector(".bar"), line = button.querySelector("small:not([data-why])");
     bar?.style.setProperty("--done", (passed / limit).toFixed(3));
     const written = (seconds) => number(seconds, seconds < 10 ? 1 : 0, lang);
     if (line && !offline()) line.textContent = button.dataset.waiting.replace("{elapsed}", written(passed)).replace("{limit}", written(limit));
@@ -176,9 +180,7 @@ document.addEventListener("changed", ({ target }) => {
   if (root) refresh(root);
 }, true);
 
-document.addEventListener("pogon:live", ({ detail }) => {
-  if (detail === "live") for (const root of roots()) refresh(root);
-});
+document.addEventListener("pogon:live", ({ detail }) => { if (detail === "live") roots().forEach(refresh); });
 
 // ---- buttons ------------------------------------------------------------------------------------------------------------------------------
 
@@ -188,9 +190,8 @@ document.addEventListener("keydown", (event) => {
   if (event.repeat && (event.key === "Enter" || event.key === " ") && event.target.closest?.("[data-command], [data-set], [data-token]")) event.preventDefault();
 }, true);
 document.addEventListener("keyup", () => { repeated = false; }, true);
-document.addEventListener("pointerdown", ({ target }) => {
-  if (!offline() && target.closest?.("[data-command]:not(.stop), [data-set], .dlg [type=submit], .review-form button, .ask button")) prepare();
-});
+const SENDS = "[data-command]:not(.stop), [data-set], .dlg [type=submit], .review-form button, .ask button";
+document.addEventListener("pointerdown", ({ target }) => { if (!offline() && target.closest?.(SENDS)) prepare(); });
 
 document.addEventListener("click", (event) => {
   const button = event.target.closest?.("[data-command], [data-faceplate], [data-cancel], [data-arguments], button[data-row]");
@@ -240,8 +241,7 @@ async function press(button, answer = {}) {
   if (pressing.has(one)) return;
   pressing.add(one);
   const began = performance.now(), url = button.getAttribute("formaction"), line = button.querySelector("small");
-  const texts = textsOf(button);
-  const same = document.querySelectorAll(`[data-command="${CSS.escape(name)}"]`);
+  const texts = textsOf(button), same = document.querySelectorAll(`[data-command="${CSS.escape(name)}"]`);
   const before = { state: button.dataset.state, line: line?.textContent };
   for (const one of same) { one.dataset.locked = ""; one.dataset.state = "requested"; }
   if (line && !button.kept) line.textContent = texts.sending;
@@ -285,13 +285,9 @@ document.addEventListener("input", ({ target }) => {
   const field = target.closest?.("[data-setpoint]");
   if (!field) return;
   field.dataset.dirty = "";
-  field.querySelector(".in").classList.remove("bad");
   hint(field, "");
   clearTimeout(timers.get(field));
-  timers.set(field, setTimeout(() => {
-    clean(field);
-    hint(field, textsOf(field).discarded);
-  }, EDIT));
+  timers.set(field, setTimeout(() => { clean(field); hint(field, textsOf(field).discarded); }, EDIT));
 });
 
 document.addEventListener("click", ({ target }) => {
@@ -309,6 +305,7 @@ function clean(field) {
   review(field)?.replaceChildren();
   if (field.fresh) renew(field, field.fresh);
   for (const input of field.querySelectorAll("input")) input.value = input.defaultValue;
+  hint(field, "");
   delete field.fresh;
   const root = rootOf(field);
   if (root) refresh(root);
@@ -366,7 +363,7 @@ function settle(form, got, value) {
     form.own = true; // until it is seen what became of it, a change of what the machine has is one's own
     return current(form, got, take(got, null));
   }
-  if (!take(got, form)) form.elements.expected.value = (form.fresh ?? form).querySelector("[name=expected]").value;
+  if (!take(got, form) && got.headers.has("X-Value-Told")) form.elements.expected.value = (form.fresh ?? form).querySelector("[name=expected]").value;
   form.elements.argument.value = typed;
 }
 
@@ -378,16 +375,15 @@ function ask(element, near) {
   const field = element.matches("[data-card]") && near?.matches?.("[data-setpoint]") ? near : null;
   element.field = field;
   const place = field && review(field);
-  const texts = textsOf(element);
   let began = performance.now();
   const closes = element.querySelector("[data-closes]");
-  element.addEventListener("input", () => { began = performance.now(); }); // who types is still there
+  element.addEventListener("input", () => { [began] = [performance.now(), hint(element, "")]; }); // who types is still there
   const timer = setInterval(() => {
     const left = ASK - (performance.now() - began);
     if (closes) closes.textContent = closes.dataset.closes.replace("{n}", Math.max(0, Math.ceil(left / 1000)));
     if (left > 0) return;
     element.cancel();
-    told(texts.cancelled, "info");
+    told(textsOf(element).cancelled, "info");
   }, 250);
   let close = () => place?.replaceChildren();
   element.cancel = () => {
@@ -400,6 +396,15 @@ function ask(element, near) {
     element.querySelector("[data-first], button")?.focus();
   } else close = open(element, near);
 }
+
+// What is missing in a dialog is said there in the language of the page; a browser would say it in its own.
+document.addEventListener("invalid", (event) => {
+  const { target } = event, asked = target.closest("[data-ask]");
+  if (asked) event.preventDefault();
+  if (target !== asked?.querySelector(".in :invalid")) return;
+  hint(asked, textsOf(asked).required.replace("{label}", target.labels[0].firstChild.textContent.trim()), target.name);
+  target.focus();
+}, true);
 
 /** A stop, whoever gave it, is the answer to every open question about the machine. */
 function withdraw(machine) {

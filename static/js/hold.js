@@ -43,10 +43,7 @@ document.addEventListener("pogon:dialog", () => release("dialog"));
 document.addEventListener("pogon:live", ({ detail }) => { if (detail !== "live") release("offline"); });
 new MutationObserver(() => { if (hold && !hold.button.isConnected) release("left"); }).observe(document.body, { childList: true, subtree: true });
 
-function line(button, text) {
-  const place = button.querySelector("small");
-  if (place && text) place.textContent = text;
-}
+const line = (button, text) => { if (text) button.querySelector("small").textContent = text; };
 
 async function begin(button, by) {
   const name = button.dataset.hold, texts = commands.textsOf(button);
@@ -64,9 +61,7 @@ async function begin(button, by) {
   const got = await commands.post(button.dataset.url, { id: commands.identity(), nonce: await commands.nonce() }, 3000);
   if (!got?.ok || got.status === 204) {
     if (hold === mine) over(mine);
-    if (got) commands.take(got, null);
-    else commands.told(texts.no_answer, "error");
-    return;
+    return got ? commands.take(got, null) : commands.told(texts.no_answer, "error");
   }
   mine.lease = JSON.parse(got.text).lease;
   if (hold !== mine) return tell(mine, "released"); // already up: it never moved

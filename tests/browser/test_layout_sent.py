@@ -1,4 +1,5 @@
-"""While a command is on its way, when the device refuses or says nothing, all that is said is whole and every command above Stop."""
+"""While a command is on its way, when the device refuses or says nothing, all that is said is whole and every command above Stop; what
+is pressed next does not move for it."""
 
 import time
 from collections.abc import Iterator
@@ -7,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.plant.texts import Texts
-from tests.browser.looks import CUT, FAULTS, SIZES, STOP, open_page
+from tests.browser.looks import CUT, EACH_WAY, FAULTS, SIZES, STOP, open_page
 from tests.browser.station import (
     LANGUAGES,
     Sit,
@@ -41,6 +42,20 @@ UNSAID = """(words) => { // what is said of a Stop beside it and in the message 
   return said.filter((one) => !one.checkVisibility({ visibilityProperty: true }) || getComputedStyle(one).clipPath === 'inset(50%)'
     || !one.textContent.includes(words)).map((one) => `${one.localName}${one.id} does not say so: ${one.textContent.trim()}`);
 }"""
+PLACES = (
+    """(sent) => { // where everything that is pressed stands, in whichever way of operating; but for the command that is sent
+  const found = new Set(), zone = document.querySelector('.zone:has(.cmd.stop)');
+  const look = () => {
+    const way = zone.querySelector('fieldset :checked')?.value ?? '';
+    for (const one of zone.querySelectorAll('.cmd, .btn, .in, .seg > *'))
+      if (one.checkVisibility() && one.dataset.command !== sent) {
+        const { x, y, width } = one.getBoundingClientRect(), part = one.closest('[data-part]')?.dataset.part ?? '';
+        const place = [x, y + scrollY, width].map(Math.round).join(' ');
+        found.add(`${way} ${part} ${one.className || one.firstElementChild?.value}: ${place}`);
+      }
+  };"""
+    + EACH_WAY
+)
 
 
 @pytest.fixture
@@ -87,6 +102,45 @@ def test_while_a_command_is_sent_every_other_is_above_stop(plant: Page, lang: st
         open_page(page, f"{origin(page)}/equipment/{machine}")
         let_go(page)
     assert found == [], "\n".join(["", *found])
+
+
+def places(page: Page, sent: str) -> set[str]:
+    """Where what is pressed stands, at each of SCREENS."""
+    found: set[str] = set()
+    for name, (width, height, profile) in SCREENS.items():
+        lay_out(page, width, height, profile)
+        found |= {f"{name} {one}" for one in page.evaluate(PLACES, sent)}
+    lay_out(page, *SIZES["panel"])
+    return found
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_while_a_command_is_sent_nothing_moves_from_under_a_finger(plant: Page, lang: str) -> None:
+    """That another is being sent is heard, and told to who presses; nothing that can be pressed stands elsewhere for it."""
+    page, moved = plant, []
+    busy = Texts.read().text(lang, "why.busy").split("{")[0]
+    speak(page, lang, origin(page))
+    for machine, key in SENT.items():
+        open_page(page, f"{origin(page)}/equipment/{machine}")
+        take(page)
+        sent = page.locator(f".zone [data-command='{machine}.{key}']")
+        if sent.get_attribute("aria-disabled"):
+            page.click(".op > .stop")
+        expect(sent).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
+        instruct(page, f"{machine}/line", **SLOW)
+        before = places(page, f"{machine}.{key}")
+        sent.click()
+        keep_while_it_says(page, machine, busy)
+        other = page.locator(".zone .cmd[aria-disabled=true]:visible", has_text=busy).first
+        other.click(force=True)  # who presses is told
+        expect(page.locator("#message")).to_contain_text(busy)
+        moved += sorted(places(page, f"{machine}.{key}") ^ before)
+        page.unroute_all()
+        instruct(page, f"{machine}/line", **IN_ORDER)
+        built(page, machine)
+        open_page(page, f"{origin(page)}/equipment/{machine}")
+        let_go(page)
+    assert moved == [], "\n".join(["", *moved])
 
 
 def keep_while_it_says(page: Page, machine: str, words: str) -> None:
