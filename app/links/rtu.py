@@ -79,7 +79,6 @@ class RtuTransport:
         """`exchange` is of the memory transport; not used here."""
         self.counts = Counts()
         self._link = link
-        self._path = link.port
         self._character = character_time(link.baud)
         self._silence = silence(link.baud)
         self._late_answers = LateAnswers()
@@ -132,7 +131,7 @@ class RtuTransport:
             if not pieces and block.again and self._late_answers.only(unit, block, now):
                 pieces = [Piece(block, 0, block.count)]
             if not pieces:
-                raise LateAnswerDue(f"{self._path} unit {unit}", wait)
+                raise LateAnswerDue(f"{self._link.port} unit {unit}", wait)
             words: list[int] = []
             for piece in pieces:
                 words += await self._read(unit, piece, patience)
@@ -203,7 +202,7 @@ class RtuTransport:
         limit = loop.time() + RESTLESS
         while True:
             if self._port is None:
-                raise NotConnected(f"{self._path}: {self._lost or 'not connected'}")
+                raise NotConnected(f"{self._link.port}: {self._lost or 'not connected'}")
             now = loop.time()
             due = self._heard + self._silence
             if self._framer.pending:
@@ -214,14 +213,14 @@ class RtuTransport:
                 return
             if now > limit:
                 raise NoAnswer(
-                    f"{self._path}: never silent for {1000 * self._silence:.1f} ms, somebody talks all the time"
+                    f"{self._link.port}: never silent for {1000 * self._silence:.1f} ms, somebody talks all the time"
                 )
             await asyncio.sleep(due - now)
 
     def _send(self, frame: bytes) -> None:
         port = self._port
         if port is None:
-            raise NotConnected(f"{self._path}: {self._lost or 'not connected'}")
+            raise NotConnected(f"{self._link.port}: {self._lost or 'not connected'}")
         self._framer.asked(frame)
         try:
             sent = os.write(port.fileno(), frame)
@@ -229,12 +228,12 @@ class RtuTransport:
             sent = 0
         except OSError as error:
             self._drop(reason_of(error))
-            raise NotConnected(f"{self._path}: {self._lost}") from error
+            raise NotConnected(f"{self._link.port}: {self._lost}") from error
         if sent != len(frame):
             # the rest would go out in the middle of something else: away with all of it
             with contextlib.suppress(OSError, termios.error):
                 termios.tcflush(port.fileno(), termios.TCOFLUSH)
-            raise NoAnswer(f"{self._path}: took {sent} of {len(frame)} bytes, the other end does not listen")
+            raise NoAnswer(f"{self._link.port}: took {sent} of {len(frame)} bytes, the other end does not listen")
 
     def _time_is_up(self, telegram: _Telegram, patience: float) -> None:
         loop = asyncio.get_running_loop()
@@ -248,13 +247,13 @@ class RtuTransport:
             self.counts.late -= 1
             self._late_answers.unanswered(telegram.pattern, loop.time(), telegram.request.address, until=until)
             telegram.answer.set_result(pdu)
-        elif self._port is not None and leads_elsewhere(self._path, self._port):
+        elif self._port is not None and leads_elsewhere(self._link.port, self._port):
             self._drop("another device has this name now")
         else:
             if telegram.held:
                 self._repeats.doubles = False  # nothing was said twice here
             hint = self._diagnosis.hint if self.counts.strange else ""
-            self._fail(telegram, NoAnswer(f"{self._path} unit {telegram.unit}: no answer in {patience:g} s{hint}"))
+            self._fail(telegram, NoAnswer(f"{self._link.port} unit {telegram.unit}: no answer in {patience:g} s{hint}"))
 
     # what is heard
 
@@ -295,7 +294,7 @@ class RtuTransport:
         if skipped >= NOISE:
             self._diagnosis.noise(self._port)
             if self._telegram is not None:
-                where, hint = f"{self._path} unit {self._telegram.unit}", self._diagnosis.hint
+                where, hint = f"{self._link.port} unit {self._telegram.unit}", self._diagnosis.hint
                 error = BadAnswer(f"{where}: {skipped} bytes that are no telegram (check sum){hint}")
                 self._fail(self._telegram, error)
 
@@ -311,7 +310,7 @@ class RtuTransport:
             if self._late_answers.owes(unit, function, now) and (function not in READS or pdu[1] not in TEMPORARY):
                 self._fail(
                     telegram,
-                    BadAnswer(f"{self._path} unit {unit}: refused this request or an earlier one ({pdu[1]:02d})"),
+                    BadAnswer(f"{self._link.port} unit {unit}: refused this request or an earlier one ({pdu[1]:02d})"),
                 )
             else:
                 telegram.answer.set_result(pdu)
@@ -330,7 +329,7 @@ class RtuTransport:
         elif self._repeats.was_said(unit, pdu, now):
             self._repeats.doubles = True
         elif pdu[0] == function:
-            self._fail(telegram, _wrong(f"{self._path} unit {unit}", telegram.request, pdu))
+            self._fail(telegram, _wrong(f"{self._link.port} unit {unit}", telegram.request, pdu))
 
     def _is_doubtful(self, telegram: _Telegram, pdu: bytes, now: float) -> bool:
         """Whether an answer that would fit may be a former one, said again. One that comes twice now is not."""
@@ -366,11 +365,11 @@ class RtuTransport:
             asyncio.get_running_loop().remove_reader(port.fileno())
         close_port(port)
         if self._telegram is not None:
-            self._fail(self._telegram, NotConnected(f"{self._path}: {reason}"))
+            self._fail(self._telegram, NotConnected(f"{self._link.port}: {reason}"))
 
     def _check(self, unit: int) -> None:
         if unit not in SLAVES:
-            raise BadAnswer(f"{self._path} unit {unit}: expected 1 to 247; nobody answers a broadcast")
+            raise BadAnswer(f"{self._link.port} unit {unit}: expected 1 to 247; nobody answers a broadcast")
 
 
 def _wrong(where: str, request: Request, pdu: bytes) -> BadAnswer:
