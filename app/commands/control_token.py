@@ -48,7 +48,8 @@ class _Tenure:
 
 
 Journal = Callable[[Person | None, str, str, str], None]
-"""(person, equipment, what: taken, released, handed_over, taken_over, moved_up, refused, withdrawn, lost; name of the former holder)."""
+"""(person, equipment, what, name of the former holder); what is taken, released, handed_over, taken_over, moved_up, refused, withdrawn,
+lost or revoked."""
 
 
 class ControlToken:
@@ -236,7 +237,7 @@ class ControlToken:
         for equipment, tenure in list(self._tenures.items()):
             self._keep(equipment, tenure, lambda place: place.session != session)
             if tenure.holder.session == session:
-                self._let_go(equipment, "lost")
+                self._let_go(equipment, "revoked")
 
     def keep_only(self, equipment: frozenset[str]) -> None:
         """Forget machines that the plant no longer has."""
@@ -248,7 +249,7 @@ class ControlToken:
         for equipment, tenure in list(self._tenures.items()):
             self._keep(equipment, tenure, lambda place: self._may(place.who))
             if not self._may(tenure.who) and not self._moving(equipment):
-                self._let_go(equipment, "lost")
+                self._let_go(equipment, "revoked")
 
     def tick(self) -> None:
         """Free what is idle or gone, move the lines up, and hand over where the holder kept silent. Called several times a second."""

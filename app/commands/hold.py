@@ -28,6 +28,8 @@ LONGEST = 30.0
 """Longest hold [s]."""
 STALL = 0.3
 """Gap between two ticks that counts as a stalled loop [s]."""
+REMEMBERED = 100
+"""So many leases that ended are known by why they did: who still holds the button is told."""
 CAUSES = frozenset({"released", "closed", "left", "hidden", "dialog", "offline"})
 """What a page may say why it let go: button up, page closed, pointer or focus left, page hidden, a dialog, no connection."""
 PAUSE = 0.3
@@ -97,6 +99,7 @@ class HoldToRun:
         self._kept = kept
         self._leases: dict[str, Lease] = {}
         self._released: dict[str, tuple[str, float]] = {}
+        self._over: dict[str, str] = {}
         self._ticked = clock.monotonic()
 
     async def arm(
@@ -218,6 +221,9 @@ class HoldToRun:
         moved = lease.moving
         lease.cause = cause
         self._leases.pop(lease.token, None)
+        self._over[lease.token] = cause
+        while len(self._over) > REMEMBERED:
+            del self._over[next(iter(self._over))]
         if moved:
             self._released[lease.equipment] = (lease.command, self._clock.monotonic())
             self._stop(lease)
@@ -265,7 +271,7 @@ class HoldToRun:
     def _lease(self, token: str, session: str) -> Lease:
         lease = self._leases.get(token)
         if lease is None:
-            raise Refused("why.lease_over", 410, cause="over")
+            raise Refused("why.lease_over", 410, cause=self._over.get(token, "over"))
         if lease.person.session != session:
             raise Refused("why.other_session", 403)
         return lease

@@ -119,6 +119,8 @@ class CommandWords:
         key = error.reason
         if key == "why.condition" and more > 0:
             return self.text("why.condition_more", {**error.params, "n": more})
+        if key == "why.lease_over" and (cause := error.params.get("cause")) not in ("over", "late"):
+            return self.text(f"hold.cause.{cause}", error.params)
         text = self.text(key, error.params)
         label = str(error.params.get("label", "")) if "argument" in error.params else ""
         named = self.equipment.t(label) if label else ""

@@ -100,7 +100,7 @@ function release(cause) {
   if (!hold) return;
   const mine = hold;
   over(mine);
-  if (cause === "offline") commands.told(commands.textsOf(mine.button).no_answer, "error"); // the finger is still down, and the button let go
+  if (cause === "offline") commands.told(document.body.dataset.ended ?? commands.textsOf(mine.button).no_answer, "error"); // the finger is still down, and the button let go
   if (mine.lease) tell(mine, cause);
 }
 

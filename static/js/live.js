@@ -211,7 +211,7 @@ function welcome(hello) {
 function renew(other, why) {
   const busy = document.querySelector("dialog[open], [data-held], [data-dirty]") || document.activeElement?.matches("input:not([type=radio]), select, textarea");
   if (other && !busy) return location.reload();
-  if (why) window.pogon.say(why, "error");
+  if (why) window.pogon.say((body.dataset.ended = why), "error");
   else for (const element of document.querySelectorAll("[data-outdated]")) element.hidden = false;
   clearTimeout(again);
   if (other) again = setTimeout(() => renew(true, why), 2000);

@@ -174,6 +174,7 @@ def test_signing_out_frees_the_machines_and_withdraws_the_requests() -> None:
     assert desk.token.request_for("m1") is None
     desk.token.session_ended(ANA.session)
     assert desk.holder == ""
+    assert desk.story[-2:] == ["ivo revoked", "ana revoked"]  # not that their pages were gone
     assert set(desk.changed) == {"m1", "m2"}
 
 

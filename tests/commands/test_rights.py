@@ -80,6 +80,9 @@ async def test_told_of_the_change_the_motion_and_control_end_without_a_tick(end:
     await settle()
     assert not moving(stand)
     assert stand.gate.control.holder("m1") is None
+    with pytest.raises(Refused, match="lease_over") as refused:
+        stand.gate.hold.keep_alive(pressed.lease, 99, ANA.session)
+    assert refused.value.params["cause"] == ("session" if end is None else "token"), "who still holds the button"
 
 
 async def test_a_telegram_that_waits_for_the_wire_is_not_sent(end: Person | None) -> None:

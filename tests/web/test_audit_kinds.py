@@ -11,7 +11,7 @@ from app.commands.lifecycle import ProgressState
 from tests.web.people import Staff
 from tests.web.test_alarms import LANGUAGES
 
-CONTROL = ("taken", "released", "handed_over", "taken_over", "moved_up", "refused", "withdrawn", "lost")
+CONTROL = ("taken", "released", "handed_over", "taken_over", "moved_up", "refused", "withdrawn", "lost", "revoked")
 RESULTS = (
     *(("signin.ok", result) for result in ("ok", "refused", "failed", "sent")),
     *(("command", str(state)) for state in ProgressState),
