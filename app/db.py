@@ -257,6 +257,8 @@ class Database(HeldFile):
         self._readers = threads(READERS, f"{name}-reader")
         self._long_readers = threads(LONG_READERS, f"{name}-long-reader")
         self._lost: Loss | None = None
+        self._unseen = ""
+        """Why the file could not be looked at, the last time."""
         self._incidents: list[Incident] = []
         """What was mended before something was written, and `check` has not told."""
         self._checkpointing = False
@@ -418,9 +420,12 @@ class Database(HeldFile):
         if self._file is None:
             return self._lost
         try:
-            return self._file.look()
+            found, self._unseen = self._file.look(), ""
+            return found
         except OSError as error:
-            log.error("database not found file=%s reason=%s", self.path, error.strerror or error)
+            before, self._unseen = self._unseen, error.strerror or str(error)
+            if self._unseen != before:
+                log.error("database not found file=%s reason=%s", self.path, self._unseen)
             return Loss.REMOVED
 
     def _mend(self) -> Incident | None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from app.db import Database
-from app.db_file import Incident, Loss, Mended
+from app.db_file import Incident, Loss, Mended, OpenFile
 from tests.databases import TABLE, Name
 from tests.virtual import inline
 
@@ -241,6 +241,25 @@ async def test_a_file_that_cannot_be_mended_now_is_mended_when_it_can(
     assert await database.check() is None
     put(database, "later")
     assert keys(database.path, "history") >= {"later"}
+
+
+async def test_a_folder_that_may_not_be_looked_into_is_told_once_in_the_log(
+    opened: Callable[[Name], Database], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    database = opened("history")
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    for times in (1, 2):
+        with monkeypatch.context() as patch:
+            patch.setattr(OpenFile, "look", refuse)
+            patch.setattr(database, "_restored", refuse)
+            for _ in range(3):
+                incident = await database.check()
+                assert incident is not None and incident.mended is Mended.NOTHING
+        assert caplog.text.count("database not found") == times
+        assert await database.check() is None
 
 
 async def test_a_missing_file_is_not_made_by_who_reads_it(tmp_path: Path) -> None:

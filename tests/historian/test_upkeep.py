@@ -119,6 +119,27 @@ async def test_a_clock_that_leaps_by_years_and_is_set_right_costs_no_history(
 
 
 @pytest.mark.sweep(8)
+async def test_a_clock_that_comes_up_years_behind_and_is_set_right_after_a_restart_is_no_leap(
+    history: Database,
+) -> None:
+    source, made = await four_days(history)
+    before = rows_of(history)
+    source.clock.step_wall(-10 * YEAR)
+    await made.close()
+    for _ in range(2):
+        made = Recorder(source.tags, history, source.clock, keep_days=4, quota=1 << 30)
+        await made.configure(source.points)
+        await minutes(source, made, 3)
+        assert not made.upkeep.clock_leapt
+        source.clock.step_wall(10 * YEAR)
+        await minutes(source, made, 3)
+        assert not made.upkeep.clock_leapt
+        source.clock.step_wall(-10 * YEAR)
+        await made.close()
+    assert set(before) <= set(rows_of(history))
+
+
+@pytest.mark.sweep(8)
 async def test_a_leap_is_no_truer_after_a_restart_nor_takes_the_quota_more_than_it_needs(history: Database) -> None:
     source, made = await four_days(history)
     before = rows_of(history)
@@ -139,7 +160,11 @@ async def test_a_leap_is_no_truer_after_a_restart_nor_takes_the_quota_more_than_
     ("age", "passed", "now", "expected"),
     [
         (Age(0), 60, 60, Age(60)),
-        (Age(0), 60, -600, Age(-600)),  # set back
+        (Age(0), 60, -600, Age(-600, 0, 60)),  # set back
+        (Age(-600, 0, 60), 60, -500, Age(-500, 0, 120, 60)),  # and so for a while
+        (Age(-500, 0, 120, 60), 60, 180 + 40, Age(220)),  # and set right
+        (Age(-500, 0, 120, 60), 60, 180 + 41, Age(-440, 60, 180, 120)),  # or further
+        (Age(-500, 0, 120, 86_340), 60, 180, Age(-440, 60)),  # after a day that is a leap
         (Age(0), 60, 60 + 40, Age(100)),  # a tenth of what is kept
         (Age(0), 60, 60 + 41, Age(60, 60)),
         (Age(60, 60), 60, 160, Age(160)),  # set right
@@ -150,5 +175,7 @@ async def test_a_leap_is_no_truer_after_a_restart_nor_takes_the_quota_more_than_
 def test_by_which_time_it_ages(age: Age, passed: int, now: int, expected: Age) -> None:
     second = 1_000_000
     keep = 400 / 86_400
-    age, expected = (Age(one.time * second, one.leapt * second) for one in (age, expected))
+    age, expected = (
+        Age(one.time * second, one.leapt * second, one.before * second, one.since * second) for one in (age, expected)
+    )
     assert age.after(passed * second, now * second, keep) == expected

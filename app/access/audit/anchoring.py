@@ -46,6 +46,8 @@ class Anchoring:
         self._anchored_at = clock.monotonic()
         self._newest: tuple[int, str] = (0, "")
         self._noted = self._newest
+        self._refused = ""
+        """Why the head was not written, the last time."""
 
     def begin(self) -> None:
         """Of the one server on this folder: take away the piece of an anchor that a power cut left.
@@ -110,8 +112,13 @@ class Anchoring:
                 os.close(handle)
             self._buffer.write_head(line)
             self._noted = newest
+            if self._refused:
+                log.info("audit head written again")
+            self._refused = ""
         except OSError as error:
-            log.error("audit head not written reason=%s", error.strerror)
+            before, self._refused = self._refused, error.strerror or str(error)
+            if self._refused != before:
+                log.error("audit head not written reason=%s", self._refused)
 
     def write_if_due(self, *, now: bool = False) -> None:
         """Write an anchor, here and elsewhere, and mark the key file, also with the first line of an installation.

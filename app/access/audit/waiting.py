@@ -36,6 +36,8 @@ class WaitingLines:
         self._keeping = 0
         """Lines on their way to the buffer."""
         self._lost = 0
+        self._refused = ""
+        """Why the buffer did not take a line, the last time."""
 
     def __bool__(self) -> bool:
         return bool(self._lines)
@@ -74,8 +76,13 @@ class WaitingLines:
                 raise TimeoutError
             work.result()
         except OSError as problem:  # TimeoutError, too
-            log.error("audit buffer not written reason=%s", problem.strerror or "the disk does not answer")
+            before, self._refused = self._refused, problem.strerror or "the disk does not answer"
+            if self._refused != before:
+                log.error("audit buffer not written reason=%s", self._refused)
             return False
+        if self._refused:
+            log.info("audit buffer written again")
+        self._refused = ""
         return True
 
     def _put(self, work: "asyncio.Future[None]") -> None:

@@ -110,5 +110,23 @@ async def test_with_neither_it_is_kept_nowhere_and_says_so(access: Access, monke
     assert [line.kind for line in await access.audit.find(Filter())] == ["stop"]
 
 
+async def test_a_buffer_that_takes_nothing_and_a_head_that_is_not_written_are_told_once_each(
+    access: Access, data: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    (data / "audit.head").unlink(missing_ok=True)
+    (data / "audit.head").mkdir()
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fdatasync", _full)
+        for _ in range(3):
+            assert await access.audit.foretell(access.audit.entry("command.sent", boss()))
+    assert caplog.text.count("audit buffer not written") == caplog.text.count("audit head not written") == 1
+    (data / "audit.head").rmdir()
+    assert await access.audit.foretell(access.audit.entry("command.sent", boss()))
+    await access.audit.replay()
+    await access.audit.record("stop", boss())
+    assert caplog.text.count("audit buffer written again") == caplog.text.count("audit head written again") == 1
+
+
 def _full(_handle: int) -> None:
     raise OSError(errno.ENOSPC, "No space left on device")
