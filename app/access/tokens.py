@@ -19,7 +19,7 @@ from app.errors import Refused, StorageError
 PREFIX = "pogon_"
 LONGEST_LIFE = 400.0
 """Days that a token is good for at most."""
-GRANTABLE = ("view", "export", "acknowledge", "stop", "operate", "configure")
+GRANTABLE = ("view", "diagnose", "export", "acknowledge", "stop", "operate", "configure")
 """What a token can be given; looking after people and reading the audit stay with people."""
 USED_PERIOD = 60.0
 """The time of the last use is written at most so often [s]."""

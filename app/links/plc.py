@@ -32,6 +32,7 @@ from app.links.services import Seen, Service, SetWrite
 from app.links.station import Station
 from app.links.statistics import LinkState
 from app.links.table_block import TableBlock
+from app.links.wholeness import Wholeness
 from app.plant.definitions import PlcMap, Register
 from app.registers import plc_map
 from app.registers.pdu import WRITE_SINGLE
@@ -88,6 +89,7 @@ class PlcUnit:
         self._station = station
         self._heartbeat = chance.randrange(0, 0x10000)
         self._pulse = Pulse()
+        self._wholeness = Wholeness(station.link.name, station.number)
         self._pulse_words = Block(plc_map.HEADER + FIRST, LAST - FIRST + 1)
 
     def adopt(self, before: Service) -> None:
@@ -174,10 +176,10 @@ class PlcUnit:
                 if younger := younger_image(self.map, block.block.address, self.minor):
                     self._bus.refuse(self._station, block, younger)
                     return Seen.NOTHING
-                return Seen.WHOLE if plc_map.is_whole(words) else Seen.TORN
+                return self._wholeness.judge(block.block.address, words, started)
             case Part.RING:
-                head = head_of(words)
-                if head is None:
+                torn = self._wholeness.judge(block.block.address, words, started) is Seen.TORN
+                if torn or (head := head_of(words)) is None:
                     return Seen.TORN
                 self.events.seen(head)
                 return Seen.WHOLE if block.points else Seen.NOTHING

@@ -1,4 +1,4 @@
-"""The socket as docs/api.md describes it, against what is sent."""
+"""The socket, and the id of a command, as docs/api.md describes them, against what is sent and taken."""
 
 import json
 import re
@@ -7,11 +7,13 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
+from pydantic import BaseModel
 from starlette.websockets import WebSocketDisconnect
 
 from app.main import create_app
 from app.settings import Settings
 from app.web import socket as live
+from app.web.api.commands import CommandIn, SetIn
 from tests.conftest import ROOT
 from tests.web.people import HOST, Staff
 
@@ -108,3 +110,10 @@ def test_the_limits_of_the_page_are_those_of_the_socket() -> None:
         f"{live.MOST_GUESTS} in all",
     ):
         assert said in SECTION.replace("\n", " "), said
+
+
+@pytest.mark.parametrize("asked", [CommandIn, SetIn])
+def test_the_page_says_how_long_an_id_is(asked: type[BaseModel]) -> None:
+    told = asked.model_json_schema()["properties"]["id"]
+    page = (ROOT / "docs" / "api.md").read_text("utf-8")
+    assert f"`id` has {told['minLength']} to {told['maxLength']} characters" in page

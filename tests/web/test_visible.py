@@ -9,6 +9,7 @@ import pytest
 from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
 
+from app.access.roles import Person, permissions_of
 from app.main import create_app
 from app.plant.record_kinds import former_addresses
 from app.plant.types import EQUIPMENT
@@ -94,6 +95,20 @@ def test_who_may_diagnose_reads_them(staff: Staff) -> None:
         answer = hello(staff, name)
         assert name in answer["handles"]
         assert "denied" not in answer
+
+
+def test_a_token_reads_the_settings_that_it_may_write_once_it_may_diagnose(staff: Staff) -> None:
+    """It could write each of them and read none: no token could be given the right."""
+    key = staff.add("fitter", "engineer")
+    may = permissions_of({"engineer"})
+    maker = Person(key, "fitter", "", frozenset({"engineer"}), may, "")
+    staff.have()
+    for granted, status in ((["view", "configure"], 403), (["view", "configure", "diagnose"], 200)):
+        _, secret = staff.wait(staff.access.tokens.create, maker, "MES", granted, 7)
+        bearer = {"Authorization": f"Bearer {secret}"}
+        for name in ("m1.f114", "c1.jerk", "sys.link.hall.state"):
+            answer = staff.client.get(f"/api/v1/tags/{name}", headers=bearer)
+            assert (name, answer.status_code) == (name, status)
 
 
 def test_names_that_nobody_knows_are_told_and_too_many_are_too(staff: Staff) -> None:
