@@ -8,7 +8,7 @@ from playwright.sync_api import Locator, Page, Route, expect
 
 from app.plant.texts import Texts
 from tests.browser.looks import AXE_RUN, FAULTS, SIZES
-from tests.browser.station import AXE, LANGUAGES, Sit, lay_out, serving, small, take
+from tests.browser.station import AXE, LANGUAGES, Sit, lay_out, serving, small, stopped, take
 from tests.conftest import PogonServer
 
 WHO, HOME = "ana", "/equipment/m1"
@@ -63,7 +63,8 @@ def test_a_setpoint_that_is_refused_is_framed_until_it_is_typed_anew(sit: Sit) -
     on_its_way: list[Route] = []
     page.route("**/command/set_frequency", lambda route: on_its_way.append(route), times=1)
     field.fill("90")
-    field.press("Enter")
+    with page.expect_request("**/command/set_frequency"):
+        field.press("Enter")
     expect(form.locator("[data-hint]")).to_have_text(words("en", "fb.requested"))
     assert framed(form) == []  # what is being sent is not refused
     on_its_way[0].continue_()
@@ -194,10 +195,11 @@ def test_a_value_that_a_dialog_cannot_take_stays_and_says_why_at_its_field(sit: 
 def test_the_field_that_is_wrong_is_framed_of_several(sit: Sit) -> None:
     page = sit(path="/equipment/c1")
     take(page)
-    page.click(".op > .stop")
+    stopped(page)
     manual = page.locator("[data-command$='select_manual']").first
     expect(manual).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
     manual.click()
+    expect(manual).to_have_attribute("aria-pressed", "true", timeout=30_000)
     new = page.locator("[data-arguments$='/ask/insert_product']")
     expect(new).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
     new.click()
