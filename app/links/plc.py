@@ -243,6 +243,7 @@ class PlcUnit:
                 self._tell(f"table {table.key} has {count} rows in use, the plant file only {block.rows.slots}")
             self._count(block, count, started)
         torn, unknown = block.settle(words)
+        self._wholeness.note(block.block.address, block.torn_row, started)
         if unknown:
             return Seen.TORN
         return Seen.PARTLY if torn else Seen.WHOLE

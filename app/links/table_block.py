@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from app.links.planner import Reading, Rows, span_of
 from app.links.scan_block import ScanBlock, beyond, good_range
+from app.links.wholeness import generations
 from app.plant.definitions import Point
 from app.registers.codec import Decoder, decoder
 from app.registers.plc_map import ROW_GENERATION, ROW_STATE
@@ -27,6 +28,8 @@ class TableBlock(ScanBlock):
         """Rows in this block that the head of the table counts."""
         self.touched = 0.0
         """When a block that is not read was last said to be as it is [s]."""
+        self.torn_row = ""
+        """What is wrong with the first row that was being changed at the last read; empty = none."""
         self.wanted = rows.first == 0
         self._cells: list[list[_Cell]] = []
 
@@ -42,6 +45,7 @@ class TableBlock(ScanBlock):
         """
         size, base = self.rows.table.row, self.rows.head
         torn = unknown = False
+        self.torn_row = ""
         for row in range(self.rows.rows):
             at = base + row * size
             if row >= self.used:
@@ -50,6 +54,8 @@ class TableBlock(ScanBlock):
             generation = words[at + ROW_GENERATION]
             if generation % 2 or generation != words[at + size - 1]:
                 torn = True
+                place = f"generation of the row at {self.block.address + at:#06x}"
+                self.torn_row = self.torn_row or generations(generation, words[at + size - 1], place)
                 if self.words is None:
                     unknown = True
                 else:

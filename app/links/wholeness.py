@@ -22,21 +22,22 @@ class Wholeness:
 
     def judge(self, address: int, words: Sequence[int], now: float) -> Seen:
         """Whether the image at `address`, read at `now` [s, monotonic], is whole. One that is not for long is told once, and when it is."""
-        if plc_map.is_whole(words):
+        whole = plc_map.is_whole(words)
+        self.note(address, "" if whole else generations(words[0], words[-1]), now)
+        return Seen.WHOLE if whole else Seen.TORN
+
+    def note(self, address: int, fault: str, now: float) -> None:
+        """What is wrong now with the generations of the image, or of some row of the telegram, at `address`; empty = nothing."""
+        if not fault:
             self._since.pop(address, None)
             if address in self._told:
                 self._told.discard(address)
-                log.info("image whole link=%s unit=%d address=%#06x", *self._where, address)
-            return Seen.WHOLE
-        if now - self._since.setdefault(address, now) >= LONGEST and address not in self._told:
+                log.info("whole again link=%s unit=%d address=%#06x", *self._where, address)
+        elif now - self._since.setdefault(address, now) >= LONGEST and address not in self._told:
             self._told.add(address)
-            log.warning(
-                "image never whole link=%s unit=%d address=%#06x: its generation is %d at the beginning and %d at the end (%#06x), "
-                "expected the same even number",
-                *self._where,
-                address,
-                words[0],
-                words[-1],
-                address + len(words) - 1,
-            )
-        return Seen.TORN
+            log.warning("never whole link=%s unit=%d address=%#06x: %s", *self._where, address, fault)
+
+
+def generations(first: int, last: int, what: str = "its generation") -> str:
+    """What is wrong with them."""
+    return f"{what} is {first} at the beginning and {last} at the end, expected the same even number"
