@@ -68,8 +68,19 @@ def test_a_loop_that_hangs_is_ended_although_nobody_reads_where(tmp_path: Path) 
         assert server.process.wait(20) == ENDED
 
 
+@contextmanager
+def hanging_up(meant: signal.Handlers) -> Iterator[None]:
+    """What is started inside takes SIGHUP as `meant`: as a terminal has it, or `nohup`, from which these tests may have been started."""
+    before = signal.signal(signal.SIGHUP, meant)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 def test_a_terminal_that_is_closed_ends_it_in_order(pogon_server: Start) -> None:
-    server = pogon_server()
+    with hanging_up(signal.SIG_DFL):
+        server = pogon_server()
     os.kill(server.process.pid, signal.SIGHUP)
     assert server.process.wait(10) == -signal.SIGHUP
     assert "server.stopped" in server.log() and "Finished server process" in server.log()
@@ -77,11 +88,8 @@ def test_a_terminal_that_is_closed_ends_it_in_order(pogon_server: Start) -> None
 
 
 def test_one_that_was_told_to_outlive_its_terminal_does(pogon_server: Start) -> None:
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
+    with hanging_up(signal.SIG_IGN):
         server = pogon_server()
-    finally:
-        signal.signal(signal.SIGHUP, before)
     os.kill(server.process.pid, signal.SIGHUP)
     assert ask(server) == 200
     assert server.stop() == -signal.SIGTERM
