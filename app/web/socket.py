@@ -59,6 +59,8 @@ RECHECK = 30.0
 """The right to the page is asked again after this [s]."""
 FIRST_WORD = 10.0
 """A browser that has not subscribed by then is closed [s]."""
+LAST_WORD = 0.2
+"""A socket that is to be closed is told why within that, or not at all [s]."""
 SLOWEST_SEND = 20.0
 """A browser that does not take one frame within this is closed [s]."""
 TOLD_AGAIN = 60.0
@@ -161,14 +163,14 @@ class Sockets:
                 del self._count[who]
 
     def end(self, sessions: Collection[str]) -> None:
-        """Close the sockets of sessions that are over, at once."""
+        """Close the sockets of sessions that are over, at once; each is told why, so that its page does not say that nobody answers."""
         for websocket in tuple(self._open):
             person = getattr(websocket.state, "person", None)
             if person is not None and person.session in sessions:
-                self._close_soon(websocket, POLICY)
+                self._close_soon(websocket, POLICY, "not_allowed")
 
-    def _close_soon(self, websocket: WebSocket, code: int) -> None:
-        task = asyncio.get_running_loop().create_task(_close(websocket, code))
+    def _close_soon(self, websocket: WebSocket, code: int, error: str = "") -> None:
+        task = asyncio.get_running_loop().create_task(_close(websocket, code, error))
         self._closing.add(task)
         task.add_done_callback(self._closing.discard)
 
@@ -178,7 +180,11 @@ class Sockets:
             await _close(websocket, GOING_AWAY)
 
 
-async def _close(websocket: WebSocket, code: int) -> None:
+async def _close(websocket: WebSocket, code: int, error: str = "") -> None:
+    if error:
+        with contextlib.suppress(RuntimeError, WebSocketDisconnect, OSError, TimeoutError):
+            async with asyncio.timeout(LAST_WORD):
+                await websocket.send_text(orjson.dumps({"error": error}).decode())
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.close(code)
 

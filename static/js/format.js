@@ -61,9 +61,10 @@ export function offset(micros, zone) {
   return Math.round((Date.UTC(w.year, w.month - 1, w.day, w.hour, w.minute, w.second) - Math.floor(micros / 1e6) * 1000) / 6e4);
 }
 
-export function clockTime(micros, zone, { seconds = true } = {}) {
+/** The repeated hour of autumn with its offset, `02:30:00 +02:00`, unless without. */
+export function clockTime(micros, zone, { seconds = true, withOffset = true } = {}) {
   const w = wall(micros, zone);
-  return seconds ? `${w.hour}:${w.minute}:${w.second}` : `${w.hour}:${w.minute}`;
+  return `${w.hour}:${w.minute}${seconds ? `:${w.second}` : ""}${withOffset ? repeated(micros, zone) : ""}`;
 }
 
 export function date(micros, zone, lang, { year = true } = {}) {
@@ -72,19 +73,17 @@ export function date(micros, zone, lang, { year = true } = {}) {
   return `${w.day}.${w.month}.` + (year ? w.year : "");
 }
 
-/** Date and time: the year only when it is not that of `now`; the repeated hour of autumn with its offset. */
+/** Its offset when the wall clock shows this time twice, else nothing: an hour or so away it shows the same with another offset. */
+function repeated(micros, zone) {
+  const here = offset(micros, zone), away = Math.abs(here);
+  const twin = [-180, -120, -60, -30, 30, 60, 120, 180].some((minutes) => offset(micros + minutes * 6e7, zone) + minutes === here);
+  return twin ? ` ${here < 0 ? "-" : "+"}${pad(Math.floor(away / 60))}:${pad(away % 60)}` : "";
+}
+
+/** Date and time: the year only when it is not that of `now`. */
 export function dateTime(micros, zone, lang, now) {
   const sameYear = wall(micros, zone).year === wall(now, zone).year;
-  const text = `${date(micros, zone, lang, { year: !sameYear })} ${clockTime(micros, zone)}`;
-  const here = offset(micros, zone);
-  // Shown twice: an hour or so away the clock shows the same with another offset.
-  const twin = [-180, -120, -60, -30, 30, 60, 120, 180].some((minutes) => {
-    const there = offset(micros + minutes * 6e7, zone);
-    return there + minutes === here;
-  });
-  if (!twin) return text;
-  const sign = here < 0 ? "-" : "+", minutes = Math.abs(here);
-  return `${text} ${sign}${pad(Math.floor(minutes / 60))}:${pad(minutes % 60)}`;
+  return `${date(micros, zone, lang, { year: !sameYear })} ${clockTime(micros, zone)}`;
 }
 
 /** Time of day when it is of today, else date and time. */

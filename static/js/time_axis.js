@@ -46,11 +46,11 @@ export function ticks(from, to, count, zone) {
 export function labels(ats, zone, lang) {
   const step = ats.length > 1 ? ats[1] - ats[0] : HOUR;
   return ats.map((at) => {
-    const midnight = clockTime(at, zone) === "00:00:00";
+    const midnight = clockTime(at, zone, { withOffset: false }) === "00:00:00";
     if (step >= 20 * HOUR || (midnight && step >= MINUTE)) return date(at, zone, lang, { year: step > 40 * DAY });
     const again = shift(at + HOUR, zone) < shift(at, zone) || shift(at - HOUR, zone) > shift(at, zone);
     const mark = again ? (shift(at + HOUR, zone) < shift(at, zone) ? "A" : "B") : "";
-    return clockTime(at, zone, { seconds: step < MINUTE }) + mark;
+    return clockTime(at, zone, { seconds: step < MINUTE, withOffset: false }) + mark;
   });
 }
 

@@ -137,9 +137,7 @@ def test_while_a_command_is_sent_nothing_moves_from_under_a_finger(plant: Page, 
         before = places(page, f"{machine}.{key}")
         sent.click()
         keep_while_it_says(page, machine, busy)
-        other = page.locator(".zone .cmd[aria-disabled=true]:visible", has_text=busy).first
-        other.click(force=True)  # who presses is told
-        expect(page.locator("#message")).to_contain_text(busy)
+        press_another(page, busy)
         moved += sorted(places(page, f"{machine}.{key}") ^ before)
         page.unroute_all()
         instruct(page, f"{machine}/line", **IN_ORDER)
@@ -157,6 +155,16 @@ def keep_while_it_says(page: Page, machine: str, words: str) -> None:
     page.route(url, lambda route: route.fulfill(body=text, content_type="text/html; charset=utf-8"))
     page.evaluate("htmx.trigger(document.querySelector('[data-operation]'), 'again')")
     expect(page.locator(".op .cmd[aria-disabled=true] small", has_text=words).first).to_be_attached()
+
+
+def press_another(page: Page, words: str) -> None:
+    """Who presses one that waits is told these `words`; over which may be said what becomes of the one that is sent."""
+    other, end = page.locator(".zone .cmd[aria-disabled=true]:visible", has_text=words).first, time.monotonic() + 30
+    said = ""
+    while words not in said:
+        assert time.monotonic() < end, said
+        other.click(force=True)
+        said = page.inner_text("#message")
 
 
 def led_over_a_line(page: Page, **what: str) -> None:

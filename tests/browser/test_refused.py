@@ -124,6 +124,7 @@ def test_who_is_refused_for_another_cause_is_still_told_what_somebody_else_set(s
     other.fill(FIELD, theirs)
     other.press(FIELD, "Enter")
     expect(page.locator("#message")).to_contain_text(f"= {theirs}")
+    expect(other.locator("input[name=expected]").first).to_have_value(re.compile(rf"^{theirs}\b"), timeout=30_000)
     field.press("Enter")
     expect(form.locator(".in.bad")).to_have_count(1)
     field.fill("41")

@@ -10,12 +10,13 @@ from fastapi.testclient import TestClient
 from pydantic import BaseModel
 from starlette.websockets import WebSocketDisconnect
 
+from app.access.sessions import hash_of
 from app.main import create_app
 from app.settings import Settings
 from app.web import socket as live
 from app.web.api.commands import CommandIn, SetIn
 from tests.conftest import ROOT
-from tests.web.people import HOST, Staff
+from tests.web.people import BOSS, HOST, Staff
 
 SECTION = (ROOT / "docs" / "api.md").read_text("utf-8").partition("## The socket")[2]
 ASKED = ("m1.speed", "m1.pwoer", "sys.link.hall.state")
@@ -117,3 +118,15 @@ def test_the_page_says_how_long_an_id_is(asked: type[BaseModel]) -> None:
     told = asked.model_json_schema()["properties"]["id"]
     page = (ROOT / "docs" / "api.md").read_text("utf-8")
     assert f"`id` has {told['minLength']} to {told['maxLength']} characters" in page
+
+
+def test_whose_session_ends_is_told_so_before_the_socket_closes(staff: Staff) -> None:
+    sid, said = staff.enter("eva", "operator"), []
+    with staff.client.websocket_connect("ws://127.0.0.1:8000/live", headers={"Origin": HOST}) as socket:
+        socket.send_text(json.dumps(tags(ASKED[0])))
+        assert "hello" in socket.receive_json()
+        staff.wait(staff.access.sessions.end, BOSS, hash_of(sid))
+        with pytest.raises(WebSocketDisconnect) as end:
+            while True:
+                said.append(socket.receive_json())
+    assert said[-1] == {"error": "not_allowed"} and end.value.code == 1008
