@@ -86,7 +86,7 @@ def create_app(settings: Settings, clock: Clock | None = None, threads: Threads 
         app.state.runtime = runtime
         await runtime.start()
         sockets = socket.sockets_of(app)
-        runtime.access.subscribe(sockets.end, sockets.end)  # a page whose person has other rights connects anew
+        runtime.access.subscribe(sockets.end, sockets.begin_anew)
         try:
             async with terminal.listening(runtime):
                 yield

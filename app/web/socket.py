@@ -164,10 +164,17 @@ class Sockets:
 
     def end(self, sessions: Collection[str]) -> None:
         """Close the sockets of sessions that are over, at once; each is told why, so that its page does not say that nobody answers."""
-        for websocket in tuple(self._open):
-            person = getattr(websocket.state, "person", None)
-            if person is not None and person.session in sessions:
-                self._close_soon(websocket, POLICY, "not_allowed")
+        for websocket in self._of(sessions):
+            self._close_soon(websocket, POLICY, "not_allowed")
+
+    def begin_anew(self, sessions: Collection[str]) -> None:
+        """Close the sockets of sessions that have other rights now: their pages connect anew."""
+        for websocket in self._of(sessions):
+            self._close_soon(websocket, POLICY)
+
+    def _of(self, sessions: Collection[str]) -> list[WebSocket]:
+        people = ((websocket, getattr(websocket.state, "person", None)) for websocket in self._open)
+        return [websocket for websocket, person in people if person is not None and person.session in sessions]
 
     def _close_soon(self, websocket: WebSocket, code: int, error: str = "") -> None:
         task = asyncio.get_running_loop().create_task(_close(websocket, code, error))

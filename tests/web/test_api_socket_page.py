@@ -130,3 +130,16 @@ def test_whose_session_ends_is_told_so_before_the_socket_closes(staff: Staff) ->
             while True:
                 said.append(socket.receive_json())
     assert said[-1] == {"error": "not_allowed"} and end.value.code == 1008
+
+
+def test_who_has_other_rights_connects_anew_and_is_not_told_that_the_session_is_over(staff: Staff) -> None:
+    staff.enter("jan", "operator")
+    said: list[Any] = []
+    with staff.client.websocket_connect("ws://127.0.0.1:8000/live", headers={"Origin": HOST}) as socket:
+        socket.send_text(json.dumps(tags(ASKED[0])))
+        assert "hello" in socket.receive_json()
+        staff.wait(staff.access.people.set_roles, BOSS, staff.add("jan"), ["viewer"])
+        with pytest.raises(WebSocketDisconnect) as end:
+            while True:
+                said.append(socket.receive_json())
+    assert not any("error" in one for one in said) and end.value.code == 1008
