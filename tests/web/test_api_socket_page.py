@@ -121,7 +121,7 @@ def test_the_page_says_how_long_an_id_is(asked: type[BaseModel]) -> None:
 
 
 def test_whose_session_ends_is_told_so_before_the_socket_closes(staff: Staff) -> None:
-    sid, said = staff.enter("eva", "operator"), []
+    sid, said = staff.enter("mia", "operator"), []
     with staff.client.websocket_connect("ws://127.0.0.1:8000/live", headers={"Origin": HOST}) as socket:
         socket.send_text(json.dumps(tags(ASKED[0])))
         assert "hello" in socket.receive_json()
