@@ -27,6 +27,7 @@ from app import bundled, chance
 from app.db_file import Incident, Loss, Mended, OpenFile, starts_well
 from app.errors import StorageError
 from app.threads import Threads, threads
+from app.trouble import Trouble
 
 if TYPE_CHECKING:
     from alembic.config import Config
@@ -257,8 +258,7 @@ class Database(HeldFile):
         self._readers = threads(READERS, f"{name}-reader")
         self._long_readers = threads(LONG_READERS, f"{name}-long-reader")
         self._lost: Loss | None = None
-        self._unseen = ""
-        """Why the file could not be looked at, the last time."""
+        self._trouble = Trouble()
         self._incidents: list[Incident] = []
         """What was mended before something was written, and `check` has not told."""
         self._checkpointing = False
@@ -420,13 +420,13 @@ class Database(HeldFile):
         if self._file is None:
             return self._lost
         try:
-            found, self._unseen = self._file.look(), ""
-            return found
+            found = self._file.look()
         except OSError as error:
-            before, self._unseen = self._unseen, error.strerror or str(error)
-            if self._unseen != before:
-                log.error("database not found file=%s reason=%s", self.path, self._unseen)
+            if self._trouble.is_news(reason := error.strerror or str(error)):
+                log.error("database not found file=%s reason=%s", self.path, reason)
             return Loss.REMOVED
+        self._trouble.is_over()
+        return found
 
     def _mend(self) -> Incident | None:
         loss = self._look()

@@ -26,4 +26,4 @@ def conventions(lang: str) -> Conventions:
     except (ValueError, UnknownLocaleError):
         return Conventions(PluralRule({}), conventions("en").days)
     finally:
-        localedata._cache.clear()
+        localedata._cache.clear()  # Babel keeps all that it knows of a language for good, 2 MB each, and offers no way to give it back

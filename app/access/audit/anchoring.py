@@ -21,6 +21,7 @@ from app.clock import Clock
 from app.errors import ConfigurationError, MissingFile
 from app.files import append_line, read_text
 from app.logs import security
+from app.trouble import Trouble
 
 log = logging.getLogger(__name__)
 
@@ -46,8 +47,7 @@ class Anchoring:
         self._anchored_at = clock.monotonic()
         self._newest: tuple[int, str] = (0, "")
         self._noted = self._newest
-        self._refused = ""
-        """Why the head was not written, the last time."""
+        self._trouble = Trouble()
 
     def begin(self) -> None:
         """Of the one server on this folder: take away the piece of an anchor that a power cut left.
@@ -112,13 +112,11 @@ class Anchoring:
                 os.close(handle)
             self._buffer.write_head(line)
             self._noted = newest
-            if self._refused:
+            if self._trouble.is_over():
                 log.info("audit head written again")
-            self._refused = ""
         except OSError as error:
-            before, self._refused = self._refused, error.strerror or str(error)
-            if self._refused != before:
-                log.error("audit head not written reason=%s", self._refused)
+            if self._trouble.is_news(reason := error.strerror or str(error)):
+                log.error("audit head not written reason=%s", reason)
 
     def write_if_due(self, *, now: bool = False) -> None:
         """Write an anchor, here and elsewhere, and mark the key file, also with the first line of an installation.

@@ -13,6 +13,7 @@ from app.access.audit.line import Entry, of_waiting, parameters_of, waiting_form
 from app.access.audit.verification import FOREIGN
 from app.access.private import write_private
 from app.access.tables import audit_table
+from app.trouble import Trouble
 
 log = logging.getLogger(__name__)
 
@@ -36,8 +37,7 @@ class WaitingLines:
         self._keeping = 0
         """Lines on their way to the buffer."""
         self._lost = 0
-        self._refused = ""
-        """Why the buffer did not take a line, the last time."""
+        self._trouble = Trouble()
 
     def __bool__(self) -> bool:
         return bool(self._lines)
@@ -76,13 +76,11 @@ class WaitingLines:
                 raise TimeoutError
             work.result()
         except OSError as problem:  # TimeoutError, too
-            before, self._refused = self._refused, problem.strerror or "the disk does not answer"
-            if self._refused != before:
-                log.error("audit buffer not written reason=%s", self._refused)
+            if self._trouble.is_news(reason := problem.strerror or "the disk does not answer"):
+                log.error("audit buffer not written reason=%s", reason)
             return False
-        if self._refused:
+        if self._trouble.is_over():
             log.info("audit buffer written again")
-        self._refused = ""
         return True
 
     def _put(self, work: "asyncio.Future[None]") -> None:
