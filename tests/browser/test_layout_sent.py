@@ -46,14 +46,15 @@ UNSAID = """(words) => { // what is said of a Stop beside it and in the message 
     || !one.textContent.includes(words)).map((one) => `${one.localName}${one.id} does not say so: ${one.textContent.trim()}`);
 }"""
 PLACES = (
-    """(sent) => { // where everything that is pressed stands, in whichever way of operating; but for the command that is sent
+    """(sent) => { // where everything that is pressed stands, in whichever way of operating, pressed in or not; but for what is sent
   const found = new Set(), zone = document.querySelector('.zone:has(.cmd.stop)');
   const look = () => {
     const way = zone.querySelector('fieldset :checked')?.value ?? '';
     for (const one of zone.querySelectorAll('.cmd, .btn, .in, .seg > *'))
       if (one.checkVisibility() && one.dataset.command !== sent) {
         const { x, y, width } = one.getBoundingClientRect(), part = one.closest('[data-part]')?.dataset.part ?? '';
-        const place = [x, y + scrollY, width].map(Math.round).join(' ');
+        const pressed = new DOMMatrix(getComputedStyle(one).transform).m42;
+        const place = [x, y + scrollY - pressed, width].map(Math.round).join(' ');
         found.add(`${way} ${part} ${one.className || one.firstElementChild?.value}: ${place}`);
       }
   };"""
@@ -85,23 +86,34 @@ def wrong(page: Page, *checks: str) -> list[str]:
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_while_a_command_is_sent_every_other_is_above_stop(plant: Page, lang: str) -> None:
     """All say that another is being sent; the page is kept so as long as it takes to look at."""
-    page, found = plant, []
-    busy = Texts.read().text(lang, "why.busy").split("{")[0]
+    found: list[str] = []
+    for command, _ in each_sent(plant, lang):
+        found += [f"{command} {one}" for one in wrong(plant)]
+    assert found == [], "\n".join(["", *found])
+
+
+def each_sent(page: Page, lang: str) -> Iterator[tuple[str, set[str]]]:
+    """Each command of SENT while it is on its way, on a page that is kept so, with where what is pressed stood before."""
     speak(page, lang, origin(page))
     for machine, key in SENT.items():
         open_page(page, f"{origin(page)}/equipment/{machine}")
         take(page)
         sent = ready(page, machine, key)
         instruct(page, f"{machine}/line", **SLOW)
+        before = places(page, f"{machine}.{key}")
         sent.click()
-        keep_while_it_says(page, machine, busy)
-        found += [f"{machine} {one}" for one in wrong(page)]
+        keep_while_it_says(page, machine, busy(lang))
+        yield f"{machine}.{key}", before
         page.unroute_all()
         instruct(page, f"{machine}/line", **IN_ORDER)
         built(page, machine)
         open_page(page, f"{origin(page)}/equipment/{machine}")
         let_go(page)
-    assert found == [], "\n".join(["", *found])
+
+
+def busy(lang: str) -> str:
+    """How every other command says that one is on its way."""
+    return Texts.read().text(lang, "why.busy").split("{")[0]
 
 
 def ready(page: Page, machine: str, key: str) -> Locator:
@@ -126,24 +138,10 @@ def places(page: Page, sent: str) -> set[str]:
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_while_a_command_is_sent_nothing_moves_from_under_a_finger(plant: Page, lang: str) -> None:
     """That another is being sent is heard, and told to who presses; nothing that can be pressed stands elsewhere for it."""
-    page, moved = plant, []
-    busy = Texts.read().text(lang, "why.busy").split("{")[0]
-    speak(page, lang, origin(page))
-    for machine, key in SENT.items():
-        open_page(page, f"{origin(page)}/equipment/{machine}")
-        take(page)
-        sent = ready(page, machine, key)
-        instruct(page, f"{machine}/line", **SLOW)
-        before = places(page, f"{machine}.{key}")
-        sent.click()
-        keep_while_it_says(page, machine, busy)
-        press_another(page, busy)
-        moved += sorted(places(page, f"{machine}.{key}") ^ before)
-        page.unroute_all()
-        instruct(page, f"{machine}/line", **IN_ORDER)
-        built(page, machine)
-        open_page(page, f"{origin(page)}/equipment/{machine}")
-        let_go(page)
+    moved: list[str] = []
+    for command, before in each_sent(plant, lang):
+        press_another(plant, busy(lang))
+        moved += sorted(places(plant, command) ^ before)
     assert moved == [], "\n".join(["", *moved])
 
 
