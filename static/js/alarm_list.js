@@ -15,14 +15,10 @@ let stood = order(), focused;
 
 // ---- time ------------------------------------------------------------------------------------------------------
 
-const pad = (n) => String(n).padStart(2, "0");
-
-/** As app/web/alarm_view.py writes it. */
+/** As app/web/alarm_view.py writes it: minutes, hours or days. */
 function lasting(seconds) {
-  const whole = Math.max(0, Math.floor(seconds)), days = Math.floor(whole / 86400);
-  const hours = Math.floor((whole % 86400) / 3600), minutes = Math.floor((whole % 3600) / 60);
-  if (days) return `${days}\u00a0d ${pad(hours)}:${pad(minutes)}`;
-  return hours ? `${hours}:${pad(minutes)}:${pad(whole % 60)}` : `${pad(minutes)}:${pad(whole % 60)}`;
+  const whole = Math.max(0, Math.floor(seconds)), days = Math.floor(whole / 86400), clock = new Date(whole * 1000).toISOString().slice(11, 19);
+  return days ? `${days}\u00a0d ${clock.slice(0, 5)}` : clock.slice(whole < 3600 ? 3 : whole < 36000 ? 1 : 0);
 }
 
 function count() {

@@ -1,4 +1,4 @@
-// The frame: what htmx may do, the message line, menus, the clock, and what survives a change of language.
+// The frame: what htmx may do, the message line, menus, and what survives a change of language.
 (() => {
   "use strict";
   const body = document.body, line = document.getElementById("message");
@@ -150,42 +150,6 @@
     else if (!control && key === "F1") over("/help");
     else return;
     event.preventDefault();
-  });
-
-  // ---- clock: the server's time in the plant's zone, corrected by what the live script hears ----------------------
-  const face = document.querySelector("[data-clock]"), day = document.querySelector("[data-date]"), { zone } = body.dataset;
-  const form = new Intl.DateTimeFormat("en-GB", { timeZone: zone, hourCycle: "h23", hour: "2-digit", minute: "2-digit", second: "2-digit" });
-  const date = new Intl.DateTimeFormat("en-GB", { timeZone: zone, day: "2-digit", month: "2-digit", year: "numeric" });
-  const name = new Intl.DateTimeFormat(document.documentElement.lang, { timeZone: zone, weekday: "short" });
-  let ahead = Number(face.dataset.now) / 1000 - Date.now(), last = "";
-
-  function tick() {
-    const now = new Date(Date.now() + ahead), time = form.format(now);
-    if (time === last) return;
-    last = face.textContent = time;
-    const written = date.format(now);
-    const local = body.dataset.lang === "en" ? written : written.replaceAll("/", ".");
-    const whole = `${name.format(now).replace(".", "")} ${local}`;
-    if (day.textContent !== whole) day.textContent = whole;
-  }
-  document.addEventListener("pogon:time", ({ detail }) => {
-    const off = detail / 1000 - Date.now();
-    if (Math.abs(off - ahead) > 500) ahead = off;
-  });
-  setInterval(tick, 200);
-
-  // ---- offline: the message line says since when -------------------------------------------------------------------
-  let before = null, told = "";
-  const said = () => line.querySelector("span").textContent;
-  document.addEventListener("pogon:live", ({ detail }) => {
-    if (detail === "offline") {
-      before = { text: said(), kind: line.dataset.kind, time: line.querySelector("time").textContent };
-      const since = new Date(Date.now() + ahead - 3000);
-      say(told = line.dataset.stale.replace("{time}", form.format(since)), "error");
-    } else if (before) {
-      if ([told, line.dataset.network].includes(said())) say(before.text, before.kind, before.time); // a Stop that was not delivered stays said
-      before = null;
-    }
   });
 
   // ---- what was typed is there again after a change of language or colours, and when who typed it has signed in again ----

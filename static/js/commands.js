@@ -2,6 +2,7 @@
 // focus, what is being typed and what is being held survive; everybody's column is fetched again when the revision tag of its machine changes.
 import { answered, parsed } from "./fetched.js";
 import { number } from "./format.js";
+import { now } from "./values.js";
 
 const body = document.body, lang = body.dataset.lang;
 const ANSWER = 12000, STOP_ANSWER = 3000, LOCK = 500, EDIT = 60000, ASK = 30000;
@@ -35,10 +36,7 @@ export async function nonce() {
   return held && performance.now() - held.at < 4000 ? (await held.nonce) || fetchNonce() : fetchNonce();
 }
 
-// ---- posting ------------------------------------------------------------------------------------------------------------------------
-
-/** Post `fields` to `url`; the answer, or null when nobody answered. */
-export const post = (url, fields, limit = ANSWER, keepalive = false) => answered(url, { fields, limit, keepalive });
+// ---- answers ------------------------------------------------------------------------------------------------------------------------
 
 /** Draw an answer: its parts, its line, what it asks back. Returns the element it asks with, or nothing. */
 export function take(answer, near) {
@@ -146,12 +144,9 @@ function story(fresh) {
 
 // ---- the time of a feedback ------------------------------------------------------------------------------------------------------------
 
-let ahead = 0;
-document.addEventListener("pogon:time", ({ detail }) => { ahead = detail / 1000 - Date.now(); });
-
 function bars() {
   for (const button of document.querySelectorAll("[data-since]")) {
-    const limit = Number(button.dataset.limit), passed = Math.max(0, Math.min(limit, (Date.now() + ahead) / 1000 - button.dataset.since / 1e6));
+    const limit = Number(button.dataset.limit), passed = Math.max(0, Math.min(limit, (now() - button.dataset.since) / 1e6));
     const bar = button.querySelector(".bar"), line = button.querySelector("small:not([data-why])");
     bar?.style.setProperty("--done", (passed / limit).toFixed(3));
     const written = (seconds) => number(seconds, seconds < 10 ? 1 : 0, lang);
@@ -249,7 +244,7 @@ async function press(button, answer = {}) {
   const fields = { id: identity(), ...answer };
   if (button.name) fields[button.name] = button.value; // an argument that the button itself stands for
   if (!stop) fields.nonce = await nonce();
-  const got = await post(url, fields, stop ? STOP_ANSWER : ANSWER);
+  const got = await answered(url, { fields, limit: stop ? STOP_ANSWER : ANSWER });
   for (const one of document.querySelectorAll(`[data-command="${CSS.escape(name)}"]`)) delete one.dataset.locked;
   let pause = LOCK;
   if (got) {
@@ -344,7 +339,8 @@ async function send(form, value, before) {
   await before;
   hint(form, textsOf(form).sending);
   review(form)?.replaceChildren();
-  const got = await post(form.getAttribute("action"), { id: identity(), nonce: await nonce(), argument: value, expected: form.own ? "" : form.elements.expected.value });
+  const fields = { id: identity(), nonce: await nonce(), argument: value, expected: form.own ? "" : form.elements.expected.value };
+  const got = await answered(form.getAttribute("action"), { fields, limit: ANSWER });
   settle(form, got, value);
   return got;
 }
@@ -394,7 +390,7 @@ function ask(element, near) {
   if (place) {
     place.replaceChildren(element);
     element.querySelector("[data-first], button")?.focus();
-  } else close = open(element, near);
+  } else close = open(element);
 }
 
 // What is missing in a dialog is said there in the language of the page; a browser would say it in its own.
@@ -420,7 +416,7 @@ async function confirm(form, submitter) {
   if (keeps) [send.ariaDisabled, fields.id] = ["true", identity()];
   else asked.cancel();
   fields.nonce = await nonce();
-  const got = await post(form.getAttribute("action"), fields);
+  const got = await answered(form.getAttribute("action"), { fields, limit: ANSWER });
   if (keeps) send.ariaDisabled = null;
   if (field) return settle(field, got, asTyped);
   if (!got) {

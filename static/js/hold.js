@@ -2,6 +2,7 @@
 // An aid for operating, not a safety function. Whatever is doubtful stops: the server ends the motion 500 ms after the last keep-alive, and
 // behind it stands the watchdog of the drive. Nothing here ever starts again by itself.
 import * as commands from "./commands.js";
+import { answered } from "./fetched.js";
 
 const EVERY = 150, SLOW = 300, LONGEST = 30000, PAUSE = 300;
 let hold = null, let_go = { at: -Infinity, name: "" };
@@ -58,7 +59,7 @@ async function begin(button, by) {
   button.dataset.held = "";
   button.dataset.state = "held";
   line(button, texts.sending);
-  const got = await commands.post(button.dataset.url, { id: commands.identity(), nonce: await commands.nonce() }, 3000);
+  const got = await answered(button.dataset.url, { fields: { id: commands.identity(), nonce: await commands.nonce() }, limit: 3000 });
   if (!got?.ok || got.status === 204) {
     if (hold === mine) over(mine);
     return got ? commands.take(got, null) : commands.told(texts.no_answer, "error");
@@ -107,7 +108,7 @@ function release(cause) {
 /** Over the socket and as one ordinary request that outlives the page; the motion ends without either. */
 function tell(mine, cause) {
   document.dispatchEvent(new CustomEvent("pogon:send", { detail: { message: { hold: { lease: mine.lease, release: cause } } } }));
-  commands.post(`/equipment/${encodeURIComponent(mine.name.split(".")[0])}/release`, { lease: mine.lease, cause }, 3000, true);
+  answered(`/equipment/${encodeURIComponent(mine.name.split(".")[0])}/release`, { fields: { lease: mine.lease, cause }, limit: 3000, keepalive: true });
 }
 
 function over(mine) {

@@ -1,6 +1,6 @@
 // Live values: one socket per page keeps everything that carries a data-tag true (docs/api.md, static/js/values.js).
-import { age } from "./format.js";
-import { SPAN, badge, origin, page, server, state, texts, ways } from "./values.js";
+import { age, clockTime, date } from "./format.js";
+import { SPAN, badge, now, origin, page, server, state, texts, ways } from "./values.js";
 
 // Silent for 2 s is delayed; after 3 s the page looks disconnected, and the check itself may be late by 100 ms.
 const DELAYED = 2000, OFFLINE = 2900, MOVE = 100, TEXT = 200, PAUSES = [0, 250, 1000, 2000, 4000];
@@ -8,7 +8,7 @@ const OURS = "[data-command], [data-hold], [data-set], [data-token], [data-offli
 const body = document.body, named = document.querySelector("[data-who]")?.dataset;
 const tags = new Map(); // name → what is known of the tag and what is bound to it
 let byHandle = new Map(), socket = null, rev = null, counted = null;
-let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, written = 0, fresh = false, told = 0, opened = 0, ready = false, again = 0;
+let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, written = 0, fresh = false, opened = 0, ready = false, again = 0;
 
 // ---- binding --------------------------------------------------------------------------------------------------
 
@@ -102,6 +102,20 @@ function connection(next) {
   document.dispatchEvent(new CustomEvent("pogon:live", { detail: next }));
 }
 
+// The message line says since when nothing is known; what it replaces comes back, but a Stop that was not delivered stays said.
+const line = document.getElementById("message"), said = () => line.querySelector("span").textContent;
+let before = null, told = "";
+document.addEventListener("pogon:live", ({ detail }) => {
+  if (detail === "offline") {
+    before = [said(), line.dataset.kind, line.querySelector("time").textContent];
+    told = line.dataset.stale.replace("{time}", clockTime(server.time, page.zone));
+    window.pogon.say(told, "error");
+  } else if (before) {
+    if ([told, line.dataset.network].includes(said())) window.pogon.say(...before);
+    before = null;
+  }
+});
+
 /** Offline every command says why it cannot be pressed; Stop stays and says what it will do. */
 function refuse(button) {
   const line = button.querySelector("small"), stop = button.classList.contains("stop");
@@ -183,7 +197,6 @@ function receive(message) {
     return;
   }
   counted = message.n;
-  if (Math.abs(message.t - told) > 9e5) document.dispatchEvent(new CustomEvent("pogon:time", { detail: (told = message.t) }));
   server.time = message.t;
   heard = server.at = performance.now();
   tries = 0;
@@ -216,6 +229,17 @@ function renew(other, why) {
   clearTimeout(again);
   if (other) again = setTimeout(() => renew(true, why), 2000);
 }
+
+// ---- the clock: the server's, in the plant's zone ---------------------------------------------------------------
+
+const face = document.querySelector("[data-clock]"), day = document.querySelector("[data-date]");
+const weekday = new Intl.DateTimeFormat(document.documentElement.lang, { timeZone: page.zone, weekday: "short" });
+setInterval(() => {
+  const time = clockTime(now(), page.zone, { withOffset: false });
+  if (time === face.textContent) return;
+  face.textContent = time;
+  day.textContent = `${weekday.format(now() / 1000).replace(".", "")} ${date(now(), page.zone, page.lang)}`;
+}, 200);
 
 /** For other scripts: what the page knows of a tag now, or undefined. */
 export const current = (name) => tags.get(name);

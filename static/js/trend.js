@@ -6,13 +6,10 @@ import * as picture from "./trend_picture.js"; // with the page: pictures are ta
 import { now, page } from "./values.js";
 import * as time from "./time_axis.js";
 
-const holder = document.querySelector("[data-trend]");
-const begun = JSON.parse(holder.dataset.trend);
-const { texts } = begun;
+const holder = document.querySelector("[data-trend]"), begun = JSON.parse(holder.dataset.trend), { texts } = begun;
 const canvas = holder.querySelector("[data-canvas]"), say = holder.querySelector("[data-say]");
 const one = (selector) => document.querySelector(selector), all = (selector) => [...document.querySelectorAll(selector)];
-const { lang, zone } = page;
-const LIMIT = 60000; // of an answer [ms]
+const { lang, zone } = page, LIMIT = 60000; // of an answer [ms]
 const LEAST = 1e6, MOST = 3660 * 86400e6, SETTLED = 150;
 const UNITS = { s: 1e6, m: 60e6, h: 3600e6, d: 86400e6 };
 for (const pen of begun.pens) pen.name = pen.machine ? `${pen.machine} · ${pen.label}` : pen.label;

@@ -73,8 +73,6 @@ function holds(condition, tag) {
 
 // ---- what is drawn --------------------------------------------------------------------------------------------
 
-const staleAge = (tag) => (performance.now() - tag.since) / 1000;
-
 function drawText(item, tag) {
   const { element } = item, data = element.dataset, foreign = reason(tag.quality) === REASON.CONFIGURATION;
   const bad = foreign && data.silent !== undefined ? texts.misplaced : data.bad;
@@ -103,7 +101,7 @@ function drawText(item, tag) {
 }
 
 export function badge(element, tag) {
-  const letters = tag.state === "bad" ? "BAD" : tag.state === "stale" ? format.age(staleAge(tag))
+  const letters = tag.state === "bad" ? "BAD" : tag.state === "stale" ? format.age((performance.now() - tag.since) / 1000)
     : tag.source === "forced" ? "F" : tag.source === "manual" ? "M"
     : tag.source === "sim" && element.classList.contains("boxed") ? "S" : "";
   let sign = element.querySelector(".badge");
