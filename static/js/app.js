@@ -72,20 +72,23 @@
   // told, as that nobody answers at all the page says; a list (data-renewed="list") and a part of a screen ("part") wait while a press on
   // them may still become a click, and no longer, as what is shown has to be true; a list that nobody sees waits, too
   const AGAIN = 2000, PAUSE = 300, PRESS = 1000, LATER = [408, 425, 429]; // [ms]; and all of 5xx: the same question may be answered another time
-  let down = null, since = 0, ending = 0;
-  document.addEventListener("pointerdown", ({ target, button }) => {
-    if (button !== 0) return; // nothing that becomes a click
+  let down = null, since = 0, ending = 0, still = false;
+  for (const begin of ["pointerdown", "keydown"]) document.addEventListener(begin, ({ target, button, key, repeat }) => {
+    if (button || (key && (key !== " " || repeat || !target.matches("button")))) return; // nothing that becomes a click
     clearTimeout(ending);
-    [down, since] = [target, performance.now()];
+    [down, since, still] = [target, performance.now(), true];
   }, true);
-  for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => {
+  for (const end of ["pointerup", "pointercancel", "keyup"]) document.addEventListener(end, () => {
     clearTimeout(ending);
+    still = false;
     ending = setTimeout(() => { down = null; }, PAUSE);
   }, true);
+  const recently = (element) => performance.now() - since < PRESS && element.contains(down);
+  window.pogon.pressed = (element) => still && recently(element);
   for (const step of ["htmx:before:request", "htmx:before:swap"])
     document.addEventListener(step, (event) => {
-      const kind = event.target.dataset?.renewed, pressed = performance.now() - since < PRESS && event.target.contains(down);
-      if (!((kind === "list" && document.hidden) || (kind && pressed))) return;
+      const { target } = event, kind = target.dataset?.renewed;
+      if (!kind || !((kind === "list" && document.hidden) || recently(target))) return;
       event.detail.ctx.late = true;
       event.preventDefault();
     });
@@ -114,7 +117,6 @@
     if (newState === "open" && target.matches?.("details.drop")) for (const menu of menus()) if (menu !== target) menu.open = false;
     if (newState === "open" && target.matches?.(".a-aside")) target.scrollIntoView({ block: "nearest" }); // what it opens is seen
   }, true);
-  addEventListener("DOMContentLoaded", () => { for (const menu of menus()) menu.dispatchEvent(new ToggleEvent("toggle", { newState: "open" })); }); // opened before htmx began
 
   // ---- who signs in or out in another window of this browser does so here, too --------------------------------------
   const WHO = "pogon.who", who = document.querySelector("[data-who]")?.dataset.who;

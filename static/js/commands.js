@@ -117,6 +117,7 @@ function renew(old, fresh) {
   }
   delete old.kept;
   if (old.innerHTML.replaceAll(' data-htmx-powered="true"', "") === fresh.innerHTML) return false; // htmx marks its own; drawn for nothing, a press got lost
+  if (window.pogon.pressed(old)) return void setTimeout(() => roots().forEach(refresh), 300); // what a finger is on stays until that is up
   const key = focused && focused !== old ? [focused.id, focused.dataset.token, focused.name].find(Boolean) : "";
   const all = focused?.matches?.("input") ? [focused.selectionStart, focused.selectionEnd] : null;
   old.innerHTML = fresh.innerHTML;

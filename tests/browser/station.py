@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from playwright.sync_api import Browser, ConsoleMessage, Error, Page, StorageState, TimeoutError, expect
+from playwright.sync_api import Browser, ConsoleMessage, Error, Page, Route, StorageState, TimeoutError, expect
 
 from app import bundled
 from app.plant.texts import Texts
@@ -177,6 +177,20 @@ def lay_out(page: Page, width: int, height: int, profile: str = "") -> None:
            return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1)))); }""",
         profile,
     )
+
+
+def hold_back(page: Page, what: str) -> list[Route]:
+    """What is asked for at such addresses from now on; nobody answers until each is continued."""
+    held: list[Route] = []
+    page.route(what, lambda route: held.append(route))
+    return held
+
+
+def wait_for(page: Page, held: list[Route], number: int) -> None:
+    end = time.monotonic() + 15
+    while len(held) < number:
+        assert time.monotonic() < end, [route.request.url for route in held]
+        page.wait_for_timeout(50)
 
 
 class Operator:

@@ -5,10 +5,23 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, Route, expect
+from playwright.sync_api import expect
 
 from tests.browser.looks import BOTH, SIZES
-from tests.browser.station import AXE, LANGUAGES, Sit, lay_out, let_go, origin, serving, small, speak, take
+from tests.browser.station import (
+    AXE,
+    LANGUAGES,
+    Sit,
+    hold_back,
+    lay_out,
+    let_go,
+    origin,
+    serving,
+    small,
+    speak,
+    take,
+    wait_for,
+)
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/"
@@ -58,20 +71,6 @@ def test_arrows_choose_escape_closes_and_the_same_page_takes_the_focus_too(sit: 
     expect(page.locator("body")).to_have_attribute("data-live", "live")  # a page that is only on its way hears no key
     page.keyboard.press("F6")
     expect(page.locator("h1")).to_have_text("Trends")
-
-
-def hold_back(page: Page, what: str) -> list[Route]:
-    """What is asked for at such addresses from now on; nobody answers until each is continued."""
-    held: list[Route] = []
-    page.route(what, lambda route: held.append(route))
-    return held
-
-
-def wait_for(page: Page, held: list[Route], number: int) -> None:
-    end = time.monotonic() + 15
-    while len(held) < number:
-        assert time.monotonic() < end, [route.request.url for route in held]
-        page.wait_for_timeout(50)
 
 
 def test_it_opens_however_late_the_other_scripts_come(sit: Sit) -> None:

@@ -1,0 +1,103 @@
+"""What somebody does on a page whose scripts are still on their way is done once they are there: no press is in vain, none counts twice."""
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.station import Sit, hold_back, let_go, serving, small, wait_for
+from tests.conftest import PogonServer
+
+WHO, HOME = "ivana", "/"
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
+    with serving(small(tmp_path_factory.mktemp("early"), "m1", "m2")) as running:
+        yield running
+
+
+@contextmanager
+def slow(page: Page, script: str) -> Iterator[list[str]]:
+    """The page again, on a line on which one script comes only at the end of the block; what it posts meanwhile and afterwards."""
+    posted: list[str] = []
+    page.on("request", lambda one: posted.append(one.url.split("/", 3)[3]) if one.method == "POST" else None)
+    held = hold_back(page, f"**/js/{script}.*.js")
+    page.reload(wait_until="commit")
+    wait_for(page, held, 1)
+    yield posted
+    assert posted == []
+    held[0].continue_()
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
+    page.unroute_all()
+
+
+@pytest.mark.parametrize("script", ["commands", "live", "hold"])
+def test_control_is_taken_once_by_a_press_that_came_before_the_scripts(sit: Sit, script: str) -> None:
+    page = sit(path="/equipment/m1")
+    with slow(page, script) as posted:
+        page.locator("[data-token=take]").first.click()
+    expect(page.locator(".token").first).to_have_attribute("data-holding", "mine")
+    assert posted == ["equipment/m1/token/take"]
+    let_go(page)
+
+
+def test_of_two_early_presses_the_last_counts(sit: Sit) -> None:
+    page = sit(path="/equipment/m1")
+    with slow(page, "commands"):
+        page.locator("[data-token=take]").first.click()
+        page.locator("[data-over='/palette'] >> visible=true").first.click()
+    expect(page.locator(".pal")).to_have_count(1)
+    expect(page.locator(".token").first).to_have_attribute("data-holding", "free")
+
+
+def test_a_setpoint_that_was_typed_early_stays_and_is_sent(sit: Sit) -> None:
+    page = sit(path="/equipment/m2")
+    page.locator("[data-token=take]").first.click()
+    field = page.locator(".sp-field input[name=argument] >> visible=true").first
+    with slow(page, "commands"):
+        field.fill("41")
+    expect(field).to_have_value("41")
+    page.wait_for_timeout(600)  # what is fetched again once the page is live
+    expect(field).to_have_value("41")
+    page.locator(".sp-field button:has-text('Set') >> visible=true").first.click()
+    expect(page.locator("#message")).to_contain_text(re.compile("= 41.Hz: Accepted .* Done"), timeout=30_000)
+    let_go(page)
+
+
+def test_a_parameter_that_was_typed_early_is_reviewed(sit: Sit) -> None:
+    page = sit(path="/equipment/m1/parameters")
+    field = page.locator("#p-new input[data-new]").first
+    with slow(page, "commands"):
+        field.fill("7")
+        field.press("Enter")
+    expect(page).to_have_url(re.compile("/equipment/m1/parameters$"))  # the browser has sent no form of its own
+    expect(page.locator("#p-count")).to_have_text("1")
+
+
+MENUS: dict[str, Callable[[Page], None]] = {
+    "menu": lambda page: page.locator(".lang > summary").click(),
+    "search": lambda page: page.locator("[data-over='/palette'] >> visible=true").first.click(),
+}
+
+
+@pytest.mark.parametrize("what", MENUS)
+def test_what_opens_is_open_once_the_scripts_are_there(sit: Sit, what: str) -> None:
+    page = sit(path="/equipment/m1")
+    with slow(page, "commands"):
+        MENUS[what](page)
+    expect(page.locator(".lang[open], .pal")).to_have_count(1)
+
+
+@pytest.mark.parametrize("script", ["commands", "live"])
+def test_stop_does_not_wait_for_any_script(sit: Sit, script: str) -> None:
+    page = sit(path="/equipment/m1")
+    held = hold_back(page, f"**/js/{script}.*.js")
+    page.reload(wait_until="commit")
+    wait_for(page, held, 1)
+    with page.expect_request(lambda one: one.method == "POST" and one.url.endswith("/equipment/m1/stop")):
+        page.locator(".zone .stop").click(no_wait_after=True)
+    page.unroute_all(behavior="ignoreErrors")  # what follows is another page
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
