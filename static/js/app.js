@@ -7,7 +7,7 @@
   // The content policy refuses inline scripts and evaluation already; this holds where it would not, and for scripts of our own address.
   function refuse() { throw new Error("evaluation is off"); }
   const inert = (html) => html;
-  const thing = ({ dataset: { part, row, product, tags, tag } }) => part ?? row ?? product ?? tags ?? tag;
+  const thing = ({ dataset: { part, row, product, occurrence, tags, tag } }) => part ?? row ?? product ?? occurrence ?? tags ?? tag;
   window.htmx?.registerExtension("pogon", {
     init: (api) => {
       const alike = api.isSoftMatch; // an element is changed in place only into the same thing, so that focus and live values stay with theirs

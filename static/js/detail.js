@@ -7,15 +7,14 @@ export const rows = () => [...(panel ? document.querySelectorAll("tr[data-row]")
 export function forget() { open = ""; } // the next answer of the list begins at its first row
 
 function show(row) {
+  panel.setAttribute("hx-swap", row.dataset.row === open ? "innerMorph" : "innerHTML"); // what was typed about this one stays, and is not said of another
   [open, before] = [row.dataset.row, row.dataset.mark];
   panel.setAttribute("hx-get", panel.dataset.detail + open);
   window.htmx.trigger(panel, "again");
   mark();
 }
 
-function mark() {
-  for (const row of rows()) row.ariaSelected = row.dataset.row === open || null;
-}
+function mark() { for (const row of rows()) row.ariaSelected = row.dataset.row === open || null; }
 
 document.addEventListener("click", ({ target }) => {
   const row = target.closest("tr[data-row]");

@@ -204,6 +204,52 @@ def test_the_list_waits_while_a_press_may_become_a_click_and_no_longer(operator:
     page.mouse.up()
 
 
+def test_a_press_counts_although_the_banner_is_drawn_anew_meanwhile(operator: Operator) -> None:
+    page = operator.page
+    operator.trip(1, 4)
+    operator.go("/")
+    expect(page.locator("#alarms strong")).to_have_text("Converter: overcurrent", timeout=30_000)
+    page.wait_for_timeout(600)  # a press right after the banner changed was meant for what stood there before
+    page.locator("#banner-ack").hover()
+    page.mouse.down()
+    page.locator("#banner").evaluate(
+        """banner => new Promise((done) => {
+            banner.addEventListener("htmx:after:swap", () => setTimeout(done, 100), { once: true });
+            window.htmx.trigger(banner, "again");
+        })"""
+    )
+    with page.expect_request("**/alarms/acknowledge"):
+        page.mouse.up()
+    expect(page.locator("#banner-ack")).to_have_count(0)
+
+
+def test_what_is_typed_about_an_alarm_stays_while_that_changes_and_is_not_said_of_another(operator: Operator) -> None:
+    page, detail = operator.page, operator.page.locator("#alarm-detail")
+    operator.trip(1, 4)
+    operator.trip(2, 9)
+    operator.go("/alarms")
+    rows = page.locator("tr[data-row]")
+    expect(rows).to_have_count(2, timeout=30_000)
+    rows.filter(has_text="Converter: overcurrent").locator(".a-open").click()
+    expect(detail.locator("h2")).to_have_text("Converter: overcurrent")
+    detail.locator(".a-aside > summary").first.click()
+    detail.locator("#a-more-shelve").fill("The fan is replaced")
+    number = rows.filter(has_text="Converter: overcurrent").get_attribute("data-row") or ""
+    csrf = page.locator("[name=csrf]").first.get_attribute("value") or ""
+    url = operator.server.url
+    page.request.post(
+        f"{url}/alarms/acknowledge", form={"occurrence": number, "csrf": csrf}, headers={"Origin": url}, max_redirects=0
+    )
+    expect(detail).to_contain_text("Active, acknowledged")
+    expect(detail.locator("#a-more-shelve")).to_have_value("The fan is replaced")
+    expect(detail.locator("#a-more-shelve")).to_be_focused()
+    expect(detail.locator("[form=alarm-shelve][data-put]")).to_be_visible()
+    rows.filter(has_text="Converter: overheated").locator(".a-open").click()
+    expect(detail.locator("h2")).to_have_text("Converter: overheated")
+    expect(detail.locator("#a-more-shelve")).to_have_value("")
+    expect(detail.locator("[form=alarm-shelve][data-put]")).to_be_hidden()
+
+
 def test_the_horn_is_silent_here_until_the_next_alarm(operator: Operator) -> None:
     page = operator.page
     operator.go("/")
