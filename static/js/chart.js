@@ -1,8 +1,8 @@
 // Curves over time, drawn by uPlot: each pen as the history gives it (first, low, high, last of every column), then what arrives live.
 // A pen is lifted where nothing good is known; nothing is ever drawn across a gap. Times are µs UTC, on the axis of uPlot seconds.
 import * as format from "./format.js";
+import { unpacked } from "./fetched.js";
 import { apart } from "./names.js";
-import { unpacked } from "./series.js";
 import * as time from "./time_axis.js";
 
 /** Dash of each pen [px]; colours are --pen-1 to --pen-6, 7 and 8 take the first two again with other dashes and markers. */

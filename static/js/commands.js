@@ -7,7 +7,6 @@ import { now } from "./values.js";
 const body = document.body, lang = body.dataset.lang;
 const ANSWER = 12000, STOP_ANSWER = 3000, LOCK = 500, EDIT = 60000, ASK = 30000;
 const offline = () => body.dataset.live === "offline";
-const say = (...words) => window.pogon.say(...words);
 const roots = () => [...document.querySelectorAll("[data-operation]")];
 const rootOf = (element) => element.closest("[data-operation]") ?? document.querySelector(`[data-operation="${machineOf(element)}"]`) ?? document.querySelector("[data-operation]");
 export const textsOf = (element) => JSON.parse(rootOf(element)?.dataset.texts ?? "{}");
@@ -45,7 +44,7 @@ export function take(answer, near) {
   const line = inside.querySelector("[data-message]");
   if (line) {
     const kind = line.dataset.kind ?? (answer.ok ? "info" : "error");
-    (line.dataset.time ? told : say)(line.textContent.trim(), kind, line.dataset.time);
+    (line.dataset.time ? told : window.pogon.say)(line.textContent.trim(), kind, line.dataset.time);
     if (kind === "error" && near) hint(near, line.textContent.trim(), line.dataset.field);
   }
   const asks = inside.querySelector("[data-ask]");
@@ -67,7 +66,7 @@ document.addEventListener("htmx:after:request", ({ detail: { ctx } }) => {
 /** Say `text` in the message line, to who hears the page, too. */
 export function told(text, kind, time) {
   document.getElementById("message").role = kind === "error" ? "alert" : "status";
-  say(text, kind, time);
+  window.pogon.say(text, kind, time);
 }
 
 /** Say `text` at a field or in a dialog; the input named `wrong` is framed as what it is about, and no other. */

@@ -1,22 +1,32 @@
-// What is done on a page while its scripts are still on their way waits, and is done once they are all there: no press is in vain.
-// What the browser does by itself (a link, a box, a form with an address: Stop and every command) waits for nothing.
+// What is done on a page while its scripts are still on their way waits, and is done once they are all there: no press is in vain. What the
+// browser does by itself waits for nothing: a link, a box, a form that needs no script, Stop. A page that hears of no script looks disconnected.
 (() => {
-  const KINDS = ["click", "input", "change", "toggle", "submit"];
+  const KINDS = ["click", "input", "change", "toggle", "submit"], LATE = 3000, ALONE = 4000; // [ms]
+  const OWN = "a[href], label, summary, input, select, textarea, .stop, button:not([type=button], [data-command])";
+  const LED = "[data-setpoint], [data-order], :is([hx-get], [hx-post]):not([action])"; // forms that nobody but a script can send
   let waiting = []; // in the order in which they came; of presses the last alone
-  const by_itself = ({ target, type }) => type === "submit" ? target.hasAttribute("action") || !target.matches("[hx-get], [hx-post]")
-    : type === "click" && target.closest("a[href], label, summary, input, select, textarea, button:not([type=button])");
   function wait(event) {
-    if (!(event.target instanceof Element) || by_itself(event)) return;
+    const { target, type } = event;
+    if (!(target instanceof Element) || (type === "submit" ? !target.matches(LED) : type === "click" && target.closest(OWN))) return;
     event.stopImmediatePropagation();
-    if (event.type === "submit") event.preventDefault();
-    waiting = waiting.filter(({ target, type }) => type !== event.type || (target !== event.target && type !== "click")).concat(event);
+    event.preventDefault();
+    waiting = waiting.filter((one) => one.type !== type || (one.target !== target && type !== "click")).concat(event);
   }
   for (const kind of KINDS) document.addEventListener(kind, wait, true);
   addEventListener("DOMContentLoaded", () => {
     for (const kind of KINDS) document.removeEventListener(kind, wait, true);
     setTimeout(() => {
-      for (const event of waiting)
-        event.type === "submit" ? event.target.requestSubmit(event.submitter) : event.target.dispatchEvent(new event.constructor(event.type, event));
+      for (const event of waiting) {
+        const { target, type, submitter, timeStamp } = event, late = performance.now() - timeStamp > LATE || target.closest("[data-hold]");
+        if (late && ["click", "submit"].includes(type)) window.pogon?.say(document.getElementById("message").dataset.tooLate, "error"); // nobody expects it any more
+        else if (type === "submit") target.requestSubmit(submitter);
+        else target.dispatchEvent(new event.constructor(type, event));
+      }
     });
   });
+  setTimeout(() => {
+    if (document.body?.dataset.live !== "delayed") return;
+    document.querySelector("[data-offline-age]").textContent = document.querySelector("[data-clock]").textContent;
+    document.body.dataset.live = "offline";
+  }, ALONE);
 })();

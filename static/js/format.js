@@ -73,6 +73,10 @@ export function date(micros, zone, lang, { year = true } = {}) {
   return `${w.day}.${w.month}.` + (year ? w.year : "");
 }
 
+/** The date with its day of the week. */
+export const day = (micros, zone, lang) =>
+  `${new Intl.DateTimeFormat(lang, { timeZone: zone, weekday: "short" }).format(micros / 1000).replace(".", "")} ${date(micros, zone, lang)}`;
+
 /** Its offset when the wall clock shows this time twice, else nothing: an hour or so away it shows the same with another offset. */
 function repeated(micros, zone) {
   const here = offset(micros, zone), away = Math.abs(here);

@@ -1,5 +1,5 @@
 // Live values: one socket per page keeps everything that carries a data-tag true (docs/api.md, static/js/values.js).
-import { age, clockTime, date } from "./format.js";
+import { age, clockTime, day } from "./format.js";
 import { SPAN, badge, now, origin, page, server, state, texts, ways } from "./values.js";
 
 // Silent for 2 s is delayed; after 3 s the page looks disconnected, and the check itself may be late by 100 ms.
@@ -232,13 +232,12 @@ function renew(other, why) {
 
 // ---- the clock: the server's, in the plant's zone ---------------------------------------------------------------
 
-const face = document.querySelector("[data-clock]"), day = document.querySelector("[data-date]");
-const weekday = new Intl.DateTimeFormat(document.documentElement.lang, { timeZone: page.zone, weekday: "short" });
+const face = document.querySelector("[data-clock]");
 setInterval(() => {
   const time = clockTime(now(), page.zone, { withOffset: false });
   if (time === face.textContent) return;
   face.textContent = time;
-  day.textContent = `${weekday.format(now() / 1000).replace(".", "")} ${date(now(), page.zone, page.lang)}`;
+  document.querySelector("[data-date]").textContent = day(now(), page.zone, page.lang);
 }, 200);
 
 /** For other scripts: what the page knows of a tag now, or undefined. */

@@ -126,11 +126,8 @@ function draw() {
   Object.assign(chart, { from, to, now: now(), holds: connected, axis: state.axis, selected: state.selected, rulers: { a: state.a, b: state.b } });
   chart.draw();
   one("[data-period]").textContent = time.period(from, to, zone, lang);
-  const day = new Intl.DateTimeFormat(document.documentElement.lang, { timeZone: zone, weekday: "short" }).format(to / 1000).replace(".", "");
-  one("[data-day]").textContent = `${day} ${format.date(to, zone, lang)}`;
-  const edge = one("[data-live-edge]");
-  edge.setAttribute("aria-pressed", String(state.live));
-  if (!state.live && state.paused) one("[data-paused]").textContent = texts.paused.replace("{time}", format.age((performance.now() - state.paused) / 1000));
+  one("[data-day]").textContent = format.day(to, zone, lang);
+  one("[data-live-edge]").setAttribute("aria-pressed", String(state.live));
   for (const button of all("[data-span]")) button.setAttribute("aria-pressed", String(state.live && button.dataset.span === span()));
   for (const button of all("[data-select]")) button.setAttribute("aria-pressed", String(button.closest("[data-pen]").dataset.pen === state.selected));
   canvas.setAttribute("aria-label", `${texts.chart}: ${chart.shown().map((pen) => pen.name).join(", ")}, ${one("[data-period]").textContent}`);
@@ -261,7 +258,7 @@ function pointers() {
     if (pinch && down.size < 2) pinch = null;
     else if (drag && event.type === "pointerup") {
       if (drag.zooms && drag.moved) look(...[drag.at, timeAt(event)].sort((m, n) => m - n));
-      else if (!drag.moved) ruler(snapped(timeAt(event)));
+      else if (!drag.moved) moveRuler(rulerOf(snapped(timeAt(event))), snapped(timeAt(event)));
     }
     drag = null;
     box?.remove();
@@ -289,18 +286,12 @@ function pointers() {
   });
 }
 
-/** A press on the curves sets A, then B, then moves the nearer one. */
-function ruler(at) {
-  const name = state.a === null ? "a" : state.b === null ? "b" : Math.abs(at - state.a) < Math.abs(at - state.b) ? "a" : "b";
-  moveRuler(name, at);
-}
+/** The ruler that a press on the curves sets: A, then B, then the nearer one. */
+const rulerOf = (at) => (state.a === null ? "a" : state.b === null || Math.abs(at - state.b) <= Math.abs(at - state.a) ? "b" : "a");
 
 function tools() {
   for (const button of all("[data-span]"))
-    button.addEventListener("click", () => {
-      const length = parseInt(button.dataset.span, 10) * UNITS[button.dataset.span.at(-1)];
-      look(now() - length, now(), true);
-    });
+    button.addEventListener("click", () => look(now() - parseInt(button.dataset.span, 10) * UNITS[button.dataset.span.at(-1)], now(), true));
   for (const button of all("[data-go]")) button.addEventListener("click", () => pan(Number(button.dataset.go)));
   for (const button of all("[data-zoom]")) button.addEventListener("click", () => zoom(Number(button.dataset.zoom)));
   one("[data-live-edge]").addEventListener("click", goLive);

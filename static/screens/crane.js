@@ -1,8 +1,7 @@
 // The circular lift as it was: where the load went, and how far beside its circle over the angle. Each lift begins with an empty sheet;
 // a page that is opened later begins with the last one of the history.
-import { answered } from "../js/fetched.js";
+import { answered, unpacked } from "../js/fetched.js";
 import { quantity } from "../js/format.js";
-import { unpacked } from "../js/series.js";
 import { page } from "../js/values.js";
 
 const MOST = 1500, FINE = 0.05; // points of a trace; a point nearer than this adds nothing [units]

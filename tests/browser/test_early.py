@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.station import Sit, hold_back, let_go, serving, small, wait_for
+from tests.browser.station import Sit, hold_back, let_go, origin, serving, small, stopped, take, wait_for
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/"
@@ -15,7 +15,7 @@ WHO, HOME = "ivana", "/"
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
-    with serving(small(tmp_path_factory.mktemp("early"), "m1", "m2")) as running:
+    with serving(small(tmp_path_factory.mktemp("early"), "m1", "m2", "a1")) as running:
         yield running
 
 
@@ -55,7 +55,7 @@ def test_of_two_early_presses_the_last_counts(sit: Sit) -> None:
 
 def test_a_setpoint_that_was_typed_early_stays_and_is_sent(sit: Sit) -> None:
     page = sit(path="/equipment/m2")
-    page.locator("[data-token=take]").first.click()
+    take(page)
     field = page.locator(".sp-field input[name=argument] >> visible=true").first
     with slow(page, "commands"):
         field.fill("41")
@@ -89,6 +89,70 @@ def test_what_opens_is_open_once_the_scripts_are_there(sit: Sit, what: str) -> N
     with slow(page, "commands"):
         MENUS[what](page)
     expect(page.locator(".lang[open], .pal")).to_have_count(1)
+
+
+def test_a_command_that_was_pressed_early_is_carried_out_once(sit: Sit) -> None:
+    page = sit(path="/equipment/m1")
+    take(page)
+    with slow(page, "commands") as posted:
+        page.locator("[data-command='m1.forward']").first.click()
+    expect(page.locator("[data-command='m1.forward']").first).to_have_attribute("data-state", "done")
+    assert [one for one in posted if "command" in one] == ["equipment/m1/command/forward"]
+    stopped(page)
+    let_go(page)
+
+
+def test_a_setpoint_that_was_sent_early_is_carried_out_once(sit: Sit) -> None:
+    page = sit(path="/equipment/m2")
+    take(page)
+    field = page.locator(".sp-field input[name=argument] >> visible=true").first
+    with slow(page, "commands") as posted:
+        field.fill("42")
+        field.press("Enter")
+    expect(page.locator("#message")).to_contain_text(re.compile("= 42.Hz: Accepted .* Done"), timeout=30_000)
+    assert [one for one in posted if "token" not in one] == ["equipment/m2/command/set_frequency"]
+    let_go(page)
+
+
+@pytest.mark.parametrize("button", ["[data-command='m1.forward']", "[data-token=take]"])
+def test_a_press_that_nobody_expects_any_more_is_not_carried_out_and_said(sit: Sit, button: str) -> None:
+    page = sit(path="/equipment/m1")
+    if "command" in button:
+        take(page)
+    stopped(page)
+    with slow(page, "commands") as posted:
+        page.locator(button).first.click()
+        page.wait_for_timeout(3_200)
+    expect(page.locator("#message")).to_contain_text("Not carried out: the page was still loading")
+    page.wait_for_timeout(300)
+    assert posted == []
+    let_go(page)
+
+
+def test_who_holds_too_early_is_told(sit: Sit) -> None:
+    page = sit(path="/equipment/a1")
+    take(page)
+    with slow(page, "hold") as posted:
+        page.locator("[data-hold]").first.dispatch_event("click")
+    expect(page.locator("#message")).to_contain_text("Not carried out: the page was still loading")
+    assert posted == []
+    let_go(page)
+
+
+@pytest.mark.parametrize("script", ["live", "values"])
+def test_a_page_whose_scripts_never_come_looks_disconnected_and_still_stops(sit: Sit, script: str) -> None:
+    """What it shows is of the moment in which it was made, however long it stands there."""
+    page = sit(path="/equipment/m1")
+    page.route(f"**/js/{script}.*", lambda route: route.abort())
+    page.reload(wait_until="commit")
+    expect(page.locator(".offline")).to_be_visible()
+    expect(page.locator("[data-offline-age]")).to_have_text(re.compile(r"^\d\d:\d\d:\d\d$"))
+    page.unroute_all()
+    with page.expect_request(lambda one: one.method == "POST" and one.url.endswith("/equipment/m1/stop")):
+        page.locator(".zone .stop").click(no_wait_after=True)
+    page.goto(f"{origin(page)}/equipment/m1")
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
+    sit.complaints[:] = [one for one in sit.complaints if "ERR_FAILED" not in one]
 
 
 @pytest.mark.parametrize("script", ["commands", "live"])
