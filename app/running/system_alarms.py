@@ -11,6 +11,7 @@ from app.historian.upkeep import WARN_AT
 from app.links.register_link import RegisterLink
 from app.links.statistics import LinkState
 from app.plant.definitions import Plant
+from app.running.disk_pace import DiskPace
 from app.sim.plant import SimPlant
 from app.supervisor import SupervisedTask
 
@@ -41,8 +42,10 @@ def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, 
         tell("device_restarts", item.id, active=link_of is not None and link_of.restarts(item.id))
 
 
-def tell_of_server(alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, recorder: Recorder, events: Events) -> None:
-    """A simulation that is late, an audit or a history that is not written."""
+def tell_of_server(
+    alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, recorder: Recorder, events: Events, disk: DiskPace
+) -> None:
+    """A simulation that is late, an audit or a history that is not written, a disk that is slow."""
     tell = alarms.system.report
     tell(
         "simulation_late",
@@ -53,6 +56,7 @@ def tell_of_server(alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, reco
     tell("history_full", active=recorder.full or events.failed)
     tell("history_quota", active=recorder.upkeep.fill >= WARN_AT, params={"percent": str(round(100 * WARN_AT))})
     tell("disk_low", active=recorder.upkeep.disk_low)
+    tell("disk_slow", active=disk.is_slow())
     tell("clock_leapt", active=recorder.upkeep.clock_leapt)
 
 

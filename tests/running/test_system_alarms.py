@@ -72,12 +72,13 @@ def test_a_plc_that_restarts_again_and_again_is_told_of_its_machine(restarts: bo
 def server(**changed: Any) -> set[str]:
     state: dict[str, Any] = {
         "lag": 0.0, "speed": 1, "achieved": 1.0, "healthy": True, "intact": True, "full": False, "failed": False, "fill": 0.1,
-        "disk_low": False, "clock_leapt": False,
+        "disk_low": False, "clock_leapt": False, "slow": False,
     } | changed  # fmt: skip
     it: Any = SimpleNamespace(**state)
     it.upkeep = it
+    it.is_slow = lambda: it.slow
     alarms: Any = Alarms()
-    tell_of_server(alarms, it, it, it, it)
+    tell_of_server(alarms, it, it, it, it, it)
     return set(alarms.told())
 
 
@@ -97,6 +98,7 @@ def server(**changed: Any) -> set[str]:
         ({"fill": WARN_AT}, {"history_quota"}),
         ({"disk_low": True}, {"disk_low"}),
         ({"clock_leapt": True}, {"clock_leapt"}),
+        ({"slow": True}, {"disk_slow"}),
     ],
 )
 def test_each_fault_of_the_server_has_its_alarm(changed: dict[str, Any], told: set[str]) -> None:

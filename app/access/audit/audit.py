@@ -34,7 +34,7 @@ from app.access.tables import audit_table
 from app.clock import Clock
 from app.db import Database
 from app.errors import Refused, StorageError
-from app.threads import Threads, threads
+from app.threads import Threads, Turns, threads
 
 log = logging.getLogger(__name__)
 
@@ -58,9 +58,9 @@ class Audit:
         self._clock = clock
         self._data = data
         self._key = read_key(data / "audit.key")
-        self._disk = threads(1, "audit-buffer")
+        self.disk = Turns(threads(1, "audit-buffer"))
         self._buffer = Buffer(data, self._key)
-        self._waiting = WaitingLines(self._buffer, data, self._disk)
+        self._waiting = WaitingLines(self._buffer, data, self.disk)
         self._anchoring = Anchoring(data, self._key, clock, self._buffer, elsewhere)
         self._overdue = bool(self._waiting)
         self._flushing: asyncio.Task[None] | None = None
@@ -152,7 +152,7 @@ class Audit:
         told: list[Entry] = []
         result, newest = await self._db.write(lambda connection: self._written(connection, work, waiting, told))
         self._settle(newest, waiting)
-        self._disk.submit(self._anchoring.write_head)
+        self.disk.submit(self._anchoring.write_head)
         announce(told)
         if self._anchoring.due:
             await self.anchor_if_due()
@@ -201,7 +201,7 @@ class Audit:
 
     async def begin(self) -> None:
         """Take over what a killed server left in the buffer, put aside what others put there, and allocate the file."""
-        await asyncio.get_running_loop().run_in_executor(self._disk, self._anchoring.begin)
+        await asyncio.get_running_loop().run_in_executor(self.disk, self._anchoring.begin)
         foreign = self._waiting.take_over()
         await self.replay()
         if foreign:
@@ -234,7 +234,7 @@ class Audit:
 
     async def anchor_if_due(self) -> None:
         """Write an anchor, here and elsewhere, if it is time."""
-        await asyncio.get_running_loop().run_in_executor(self._disk, self._anchoring.write_if_due)
+        await asyncio.get_running_loop().run_in_executor(self.disk, self._anchoring.write_if_due)
 
     async def check(self, person: Person | None = None) -> Verdict:
         """Verify the chain, remember the verdict and write down that it was done.
@@ -277,7 +277,7 @@ class Audit:
     def close(self) -> None:
         """A last anchor."""
         self._anchoring.write_if_due(now=True)
-        self._disk.shutdown(wait=True)
+        self.disk.shutdown(wait=True)
         self._buffer.close()
 
     # ---- reading --------------------------------------------------------------------------------------
