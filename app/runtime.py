@@ -132,6 +132,8 @@ class Runtime:
         """
         await asyncio.to_thread(self._open_storage)
         await self.access.start(__version__)
+        with suppress(StorageError):
+            await self.drafts.finish(self.access.audit)
         self._build()
         await self.alarms.load()
         await self.recorder.register(())  # the history has the newest schema before a link asks for the last events
