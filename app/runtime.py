@@ -12,6 +12,7 @@ from app.access.audit.anchors import to_file
 from app.access.keys import read_key
 from app.access.roles import Person
 from app.alarms.engine import AlarmEngine
+from app.certificate import end_if_known
 from app.clock import Clock, SystemClock
 from app.commands.gate import Gate
 from app.commands.machine import Machine
@@ -55,7 +56,7 @@ from app.running.sequence_orders import SequenceDesks, is_sequence
 from app.running.session_watch import SessionWatch
 from app.running.simulated_memories import SimulatedMemories
 from app.running.sweep import Sweep
-from app.running.system_alarms import tell_of_links, tell_of_server, tell_of_task
+from app.running.system_alarms import tell_of_certificate, tell_of_links, tell_of_server, tell_of_task
 from app.running.system_values import system_values
 from app.settings import Settings
 from app.sim.bus import Bus
@@ -73,6 +74,7 @@ class Runtime:
     def __init__(self, settings: Settings, clock: Clock | None = None, threads: Threads = threads) -> None:
         self.settings = settings
         self.clock = clock or SystemClock()
+        self._certificate = end_if_known(settings.tls_cert)
         self._threads = threads
         self.tags = TagDatabase(self.clock)
         self.live = Live(self.tags, self.clock, settings.push_period)
@@ -362,6 +364,7 @@ class Runtime:
     def _tell_alarms(self) -> None:
         tell_of_links(self.alarms, self.plant, self.links)
         tell_of_server(self.alarms, self.sim, self.access.audit, self.recorder, self.events, self.disk)
+        tell_of_certificate(self.alarms, self._certificate, self.clock.micros())
 
 
 def _carried_by(bus: Bus | None) -> Callable[[int, bytes], Awaitable[bytes | None]] | None:

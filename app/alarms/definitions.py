@@ -98,6 +98,7 @@ SYSTEM_ALARMS: Mapping[str, SystemAlarm] = {
     "disk_low": SystemAlarm(2),
     "disk_slow": SystemAlarm(2),
     "clock_leapt": SystemAlarm(2),
+    "certificate_ends": SystemAlarm(2),
     "service_review": SystemAlarm(4, audible=False),
 }
 """Key → alarm. `{task}`, `{link}`, `{file}`, `{loss}`, `{time}`, `{command}`, `{percent}`, `{count}`, `{account}` in the texts are
