@@ -203,6 +203,7 @@ def restore(
     """
     from app import backup as archive
     from app.access.private import check_entered
+    from app.access.restoring import told
     from app.settings import read_settings
 
     begun = False
@@ -238,6 +239,7 @@ def restore(
             "backup.restored", terminal(), file.name, made=manifest.created, signed=manifest.signed
         )
         access.audit.run(lambda _connection: (None, [entry]))
+    told(folder)
     typer.echo(f"restored into {folder}. {_said(manifest)}")
     if not verifiable:
         typer.echo(

@@ -29,7 +29,7 @@ NOTE_PERIOD = 60.0
 """How often is noted until when the history was recorded [s]."""
 CHECKPOINT_PERIOD = 600.0
 """How often the journals are carried into their files [s]: each time writes every page that has changed once more. What the audit
-tells of, such as who signed in, is carried at the next look."""
+tells of, such as who signed in, is carried at the next look. While the disk is slow nothing is carried: commands would wait for it."""
 KNOWN = "sys.history"
 """Under which id the history is remembered among the retained states."""
 OLDER = 5 * 60_000_000
@@ -50,8 +50,11 @@ class DatabaseWatch:
         clock: Clock,
         zone: Callable[[], ZoneInfo],
         audited: Callable[[], int],
+        disk_slow: Callable[[], bool],
     ) -> None:
-        """`zone` says in which zone times are told, `audited` which line of the audit is the newest."""
+        """`zone` says in which zone times are told, `audited` which line of the audit is the newest, `disk_slow` that nothing is to be
+        written that can wait.
+        """
         self._people = people
         self._history = history
         self._recorder = recorder
@@ -66,6 +69,7 @@ class DatabaseWatch:
         self._noted = 0.0
         self._checkpoint_at = 0.0
         self._audited = audited
+        self._disk_slow = disk_slow
         self._carried = 0
         """Newest line of the audit when `pogon.db` was carried into its file."""
 
@@ -85,6 +89,14 @@ class DatabaseWatch:
         """Look once."""
         for database in (self._people, self._history):
             await self._look_at(database)
+        if not self._disk_slow():
+            self._carry()
+        await self.recognise()
+        if self._recognised and self._clock.monotonic() - self._noted >= NOTE_PERIOD:
+            await self._note()
+
+    def _carry(self) -> None:
+        """Carry the journals into their files where it is time."""
         due, line = self._clock.monotonic() >= self._checkpoint_at, self._audited()
         if due or line != self._carried:
             self._carried = line
@@ -92,9 +104,6 @@ class DatabaseWatch:
         if due:
             self._checkpoint_at = self._clock.monotonic() + CHECKPOINT_PERIOD
             self._history.checkpoint()
-        await self.recognise()
-        if self._recognised and self._clock.monotonic() - self._noted >= NOTE_PERIOD:
-            await self._note()
 
     async def recognise(self) -> None:
         """Compare the history that was opened with what is remembered of it; one that cannot be read is compared later."""

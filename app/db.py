@@ -26,7 +26,7 @@ from sqlalchemy.pool import QueuePool
 from app import bundled, chance
 from app.db_file import Incident, Loss, Mended, OpenFile, starts_well
 from app.errors import StorageError
-from app.threads import Threads, threads
+from app.threads import Threads, Turns, threads
 from app.trouble import Trouble
 
 if TYPE_CHECKING:
@@ -254,7 +254,7 @@ class Database(HeldFile):
         """`only_read`: also in a folder that cannot be written to, such as a copy on a medium that is read only."""
         as_it_lies = only_read and not os.access(path.absolute().parent, os.W_OK)
         super().__init__(path, name, _engine(path, PRAGMAS[name], open_to_read if as_it_lies else _connect))
-        self._writer = threads(1, f"{name}-writer")
+        self.writer = Turns(threads(1, f"{name}-writer"))
         self._readers = threads(READERS, f"{name}-reader")
         self._long_readers = threads(LONG_READERS, f"{name}-long-reader")
         self._lost: Loss | None = None
@@ -318,7 +318,7 @@ class Database(HeldFile):
 
     def submit(self, work: Callable[[Connection], T]) -> Future[T]:
         """As `write`, for callers that do not wait."""
-        return self._writer.submit(self._write, work)
+        return self.writer.submit(self._write, work)
 
     async def read(self, work: Callable[[Connection], T]) -> T:
         """Run `work` on a reader thread, twice when its journal was damaged meanwhile.
@@ -336,12 +336,12 @@ class Database(HeldFile):
         """As `write`, on the caller's thread: for the command line and for tests."""
         return self._run(work)
 
-    def close(self) -> None:
-        """Finish what is queued and close the file."""
-        self._writer.shutdown(wait=True)
+    def close(self, *, checkpoint: bool = True) -> None:
+        """Finish what is queued and close the file; without a `checkpoint` the next start finds the journal beside it."""
+        self.writer.shutdown(wait=True)
         self._readers.shutdown(wait=True)
         self._long_readers.shutdown(wait=True)
-        self._let_go()
+        self._let_go(checkpoint=checkpoint)
 
     def _run(self, work: Callable[[Connection], T]) -> T:
         if self._file is None and self._lost is not None:
@@ -367,7 +367,7 @@ class Database(HeldFile):
             if self._file is None or not self._file.journal.damaged():
                 raise
         try:
-            self._writer.submit(self._mend_journal).result(MENDING_TIMEOUT)
+            self.writer.submit(self._mend_journal).result(MENDING_TIMEOUT)
         except TimeoutError as error:
             raise StorageError(f"{self.path.name}: its journal is damaged, and it is being written") from error
         return self._run(work)
@@ -388,7 +388,7 @@ class Database(HeldFile):
         """Have what the journal holds carried into the file, behind what is to be written: a journal that is lost takes only the rest."""
         if not self._checkpointing:
             self._checkpointing = True
-            self._writer.submit(self._checkpoint)
+            self.writer.submit(self._checkpoint)
 
     def _checkpoint(self) -> None:
         self._checkpointing = False
@@ -414,7 +414,7 @@ class Database(HeldFile):
             return self._incidents.pop(0)
         if await asyncio.to_thread(self._look) is None:
             return None
-        return await asyncio.wrap_future(self._writer.submit(self._mend))
+        return await asyncio.wrap_future(self.writer.submit(self._mend))
 
     def _look(self) -> Loss | None:
         if self._file is None:

@@ -12,6 +12,7 @@ from app.access.audit.anchors import to_file
 from app.access.keys import read_key
 from app.access.roles import Person
 from app.alarms.engine import AlarmEngine
+from app.certificate import end_if_known
 from app.clock import Clock, SystemClock
 from app.commands.gate import Gate
 from app.commands.machine import Machine
@@ -35,6 +36,7 @@ from app.plant.texts import Texts
 from app.running.classroom import Classroom
 from app.running.command_ends import CommandEnds
 from app.running.derived import DerivedPoints
+from app.running.disk_pace import DiskPace
 from app.running.modbus_door import ModbusDoor
 from app.running.next_plant import (
     NextPlant,
@@ -54,7 +56,7 @@ from app.running.sequence_orders import SequenceDesks, is_sequence
 from app.running.session_watch import SessionWatch
 from app.running.simulated_memories import SimulatedMemories
 from app.running.sweep import Sweep
-from app.running.system_alarms import tell_of_links, tell_of_server, tell_of_task
+from app.running.system_alarms import tell_of_certificate, tell_of_links, tell_of_server, tell_of_task
 from app.running.system_values import system_values
 from app.settings import Settings
 from app.sim.bus import Bus
@@ -72,6 +74,7 @@ class Runtime:
     def __init__(self, settings: Settings, clock: Clock | None = None, threads: Threads = threads) -> None:
         self.settings = settings
         self.clock = clock or SystemClock()
+        self._certificate = end_if_known(settings.tls_cert)
         self._threads = threads
         self.tags = TagDatabase(self.clock)
         self.live = Live(self.tags, self.clock, settings.push_period)
@@ -113,6 +116,7 @@ class Runtime:
         self.ring_events: RingEvents
         """How that comes to the alarms and into the history."""
         self.derived: DerivedPoints
+        self.disk: DiskPace  # whether the disk is slow
         self.files: DatabaseWatch  # whether the files of both databases are still there
         self.access: Access  # people, sessions and the audit
         self.alarms: AlarmEngine  # all alarms
@@ -130,6 +134,8 @@ class Runtime:
         """
         await asyncio.to_thread(self._open_storage)
         await self.access.start(__version__)
+        with suppress(StorageError):
+            await self.drafts.finish(self.access.audit)
         self._build()
         await self.alarms.load()
         await self.recorder.register(())  # the history has the newest schema before a link asks for the last events
@@ -163,15 +169,16 @@ class Runtime:
         await self.supervisor.close()
         await self.modbus.close()
         self.live.close()
+        await self.events.close()
+        await self.recorder.close()
+        history = asyncio.create_task(_close(self.history, self.disk), name="history closed")
         await self.alarms.close()
         await self.classroom.write()
         with suppress(StorageError):
             await self.derived.keep()
-        await self.events.close()
-        await self.recorder.close()
-        await asyncio.to_thread(self.history.close)
         await self.access.stop()
-        await asyncio.to_thread(self.db.close)
+        await _close(self.db, self.disk)
+        await history
 
     def _open_storage(self) -> None:
         _prepare(self.settings, self.clock)
@@ -184,6 +191,7 @@ class Runtime:
         """Everything that keeps itself in the databases, and who hears of what."""
         key, retained = read_key(self.settings.data / "audit.key"), RetainedStates(self.db)
         self.alarms = AlarmEngine(self.tags, self.clock, self.db, self.texts, key)
+        self.disk = DiskPace(self.clock, self.db.writer, self.access.audit.disk)
         self.recorder = _recorder(self.settings, self.tags, self.history, self.clock)
         told = Revisions(self.tags, self.clock, EVENTS, block=3)
         self.events = Events(self.history, self.clock, told.changed, (RecordFold(),))
@@ -192,17 +200,7 @@ class Runtime:
         self.classroom = Classroom(self.db, self.tags, self.clock, self.alarms, lambda: self.plant)
         self.derived = DerivedPoints(self.tags, self.clock, retained)
         self._memories = SimulatedMemories(retained, lambda: self.sim)
-        self.files = DatabaseWatch(
-            self.db,
-            self.history,
-            self.recorder,
-            self.events,
-            self.alarms,
-            retained,
-            self.clock,
-            lambda: ZoneInfo(self.plant.timezone if self.plant else "UTC"),
-            lambda: self.access.audit.newest,
-        )
+        self.files = _files(self, retained)
         self.tags.subscribe(self.derived.follow)
         self.tags.on_standstill(self.derived.interrupted)
         sessions = SessionWatch(lambda: self.gate)
@@ -365,7 +363,8 @@ class Runtime:
 
     def _tell_alarms(self) -> None:
         tell_of_links(self.alarms, self.plant, self.links)
-        tell_of_server(self.alarms, self.sim, self.access.audit, self.recorder, self.events)
+        tell_of_server(self.alarms, self.sim, self.access.audit, self.recorder, self.events, self.disk)
+        tell_of_certificate(self.alarms, self._certificate, self.clock.micros())
 
 
 def _carried_by(bus: Bus | None) -> Callable[[int, bytes], Awaitable[bytes | None]] | None:
@@ -385,6 +384,26 @@ def _prepare(settings: Settings, clock: Clock) -> None:
     for folder in (settings.data, settings.plant / SEQUENCES):
         for path in remove_unfinished(folder, clock.micros()):
             log.warning("half written file removed file=%s", path)
+
+
+def _files(runtime: Runtime, retained: RetainedStates) -> DatabaseWatch:
+    return DatabaseWatch(
+        runtime.db,
+        runtime.history,
+        runtime.recorder,
+        runtime.events,
+        runtime.alarms,
+        retained,
+        runtime.clock,
+        lambda: ZoneInfo(runtime.plant.timezone if runtime.plant else "UTC"),
+        lambda: runtime.access.audit.newest,
+        runtime.disk.is_slow,
+    )
+
+
+async def _close(database: Database, disk: DiskPace) -> None:
+    """Close a database; on a slow disk its journal stays beside it, and the next start reads it."""
+    await asyncio.to_thread(database.close, checkpoint=not disk.is_slow())
 
 
 def _access(settings: Settings, database: Database, clock: Clock, threads: Threads) -> Access:

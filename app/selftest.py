@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from app.access.factors import IDENTITY, Seal
 from app.access.former import check_former
@@ -23,6 +23,7 @@ from app.access.keys import PRIVATE, check_files, lock
 from app.access.private import check_entered
 from app.access.restoring import is_interrupted
 from app.addresses import host_and_port
+from app.certificate import end_of
 from app.clock import Clock, to_datetime
 from app.db import open_to_read
 from app.errors import ConfigurationError
@@ -278,21 +279,13 @@ def _tls(settings: Settings, clock: Clock) -> Finding:
         if key.stat().st_mode & 0o077:
             return Finding("tls", "failed", "open_key", {"path": key})
         ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(cert, key)
-        days = (_end(cert) - clock.micros() / 1e6) / 86400
+        days = (end_of(cert) - clock.micros() / 1e6) / 86400
     except (OSError, ssl.SSLError, ValueError, ConfigurationError) as error:
         return Finding("tls", "failed", "wrong", {"reason": getattr(error, "strerror", None) or str(error)})
     params = {"days": int(days)}
     if days <= 0:
         return Finding("tls", "failed", "expired", params)
     return Finding("tls", "warning" if days < SOON else "ok", "soon" if days < SOON else "good", params)
-
-
-def _end(cert: Path) -> float:
-    """When the first certificate of a PEM file ends [s since 1970]. The standard library knows, and says it only here."""
-    decode: Any = getattr(getattr(ssl, "_ssl", None), "_test_decode_cert", None)
-    if decode is None:
-        raise ValueError("the end of a certificate cannot be read by this Python")
-    return ssl.cert_time_to_seconds(decode(str(cert))["notAfter"])
 
 
 def _serial(link: str, port: str) -> Finding:

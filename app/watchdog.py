@@ -20,6 +20,8 @@ PERIOD = 1.0
 """How often the loop gives a sign of life, and how often one is looked for [s]."""
 LIMIT = 30
 """So many looks in a row without a sign end the process. Looks, not seconds: a stopped process (SIGSTOP, Ctrl+Z) does not look."""
+END_LIMIT = 12.0
+"""A server that is told to end and has not done so by then is ended [s]: whoever told it, such as systemd, waits for 15 s."""
 ENDED = 70
 """Exit code of a process that was ended: EX_SOFTWARE of sysexits.h."""
 TELLING = 1.0
@@ -38,6 +40,25 @@ def end_process() -> None:
     os._exit(ENDED)
 
 
+def cut_short() -> None:
+    """Say so and end the process at once, as a kill would.
+
+    A disk that is slow, or stands still, has not taken all that is to be written.
+    """
+    telling = Thread(target=_tell_cut, daemon=True)
+    telling.start()
+    telling.join(TELLING)
+    os._exit(ENDED)
+
+
+def _tell_cut() -> None:
+    log.error(
+        "the end was cut short after %d s: the disk has not taken what was to be written; the next start finds all but the last of it",
+        END_LIMIT,
+    )
+    logging.shutdown()
+
+
 def _tell(stacks: str) -> None:
     with suppress(OSError, ValueError):  # no standard error
         typer.echo(stacks, err=True)
@@ -54,6 +75,7 @@ class Watchdog:
     def __init__(self) -> None:
         self._alive = False
         self._silent = 0
+        self._ending: float | None = None
         self._stopped = Event()
         self._next: asyncio.TimerHandle | None = None
 
@@ -67,6 +89,10 @@ class Watchdog:
         self._stopped.set()
         if self._next:
             self._next.cancel()
+
+    def end_in_time(self) -> None:
+        """From now on the process has `END_LIMIT` to end."""
+        self._ending = 0.0
 
     def look(self) -> bool:
         """Look for a sign since the last look; whether the loop hangs."""
@@ -82,3 +108,7 @@ class Watchdog:
         while not self._stopped.wait(PERIOD):
             if self.look():
                 end_process()
+            if self._ending is not None:
+                self._ending += PERIOD
+                if self._ending >= END_LIMIT:
+                    cut_short()

@@ -397,3 +397,16 @@ async def test_people_and_audit_stay_when_the_journal_of_pogon_db_is_lost(
             named = [row[0] for row in connection.execute("SELECT object FROM audit ORDER BY seq") if row[0]]
             assert [one for one in named if one in ("before", "during", "after")] == ["before", "during", "after"]
             assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+
+
+async def test_while_the_disk_is_slow_no_journal_is_carried_into_its_file(data: Path, clock: ManualClock) -> None:
+    async with running(data, clock) as runtime:
+        carried: list[str] = []
+        for database in (runtime.db, runtime.history):
+            database.checkpoint = lambda name=database.name: carried.append(name)  # type: ignore[method-assign, misc]
+        runtime.files._disk_slow = lambda: True
+        await runtime.files.look()
+        assert carried == []
+        runtime.files._disk_slow = lambda: False
+        await runtime.files.look()
+        assert carried == ["pogon", "history"]

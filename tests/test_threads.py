@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from app.threads import NICENESS, threads
+from app.threads import NICENESS, Turns, threads
 
 
 @pytest.mark.parametrize("count", [1, 3])
@@ -38,3 +38,13 @@ def test_password_hashes_and_what_they_start_give_way_and_nothing_else_does() ->
         assert [behind.submit(work).result() for work in (niceness, started)] == [NICENESS, NICENESS]
         assert pool.submit(niceness).result() == before
     assert niceness() == before
+
+
+def test_work_that_takes_its_turn_has_a_number_as_long_as_it_lasts() -> None:
+    turns = Turns(threads(1, "store"))
+    with turns:
+        assert [turns.submit(lambda: turns.at_work).result() for _ in range(3)] == [1, 2, 3]
+        with pytest.raises(ZeroDivisionError):
+            turns.submit(lambda: 1 // 0).result()
+        assert turns.submit(lambda at: (at, turns.at_work), 7).result() == (7, 5)
+    assert turns.at_work == 0

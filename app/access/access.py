@@ -20,7 +20,7 @@ from app.access.keys import prepare as prepare_files
 from app.access.own_account import OwnAccount
 from app.access.passwords import Cost, Passwords
 from app.access.people import People
-from app.access.restoring import finish_restore
+from app.access.restoring import finish_restore, told, untold
 from app.access.roles import Person
 from app.access.sessions import Sessions
 from app.access.signin import SignIn
@@ -70,6 +70,7 @@ class Access:
             ConfigurationError: a key, the database or the folder may be read or written by others, or a key is broken.
         """
         check_files(data)
+        self._data = data
         self._secret = read_key(data / "secret.key")
         self.audit = Audit(db, clock, data, anchors, threads)
         self.audit_watch = AuditWatch(self.audit, clock)
@@ -119,6 +120,10 @@ class Access:
         await self.kept.load()
         await self.audit.begin()
         await self.factors.check()
+        if (restored := untold(self._data)) is not None:
+            archive, made, signed = restored.values()
+            if await self.audit.record("backup.restored", None, str(archive), made=made, signed=signed):
+                told(self._data)
         await self.audit.record("server.started", None, version=version, install=self.audit.install)
         if await self.people.count():
             self.first_code.used()

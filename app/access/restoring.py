@@ -17,6 +17,8 @@ from app.errors import ConfigurationError
 from app.files import read_text
 
 JOURNAL = "restore.journal"
+UNTOLD = "restore.untold"
+"""What was restored, until the audit that came with it has its line: one that a kill left is told by the next start."""
 LONGEST = 4_000_000
 """Of a journal [bytes]."""
 
@@ -30,6 +32,28 @@ def commit(data: Path, moves: Sequence[tuple[Path, Path]], remove: Iterable[Path
     """From here on the restore happens: rename each (from, to), then remove what is left of `remove`."""
     pairs = [(str(source), str(target)) for source, target in moves]
     _write(data, {"state": "committed", "moves": pairs, "remove": [str(path) for path in remove]})
+
+
+def note_untold(folder: Path, archive: str, made: str, *, signed: bool) -> Path:
+    """Put what is being restored beside it in `folder`; returns the file."""
+    path = folder / UNTOLD
+    path.write_text(json.dumps({"archive": archive, "made": made, "signed": signed}), "utf-8")
+    path.chmod(0o600)
+    return path
+
+
+def untold(data: Path) -> dict[str, object] | None:
+    """What was restored into `data` and has no line in its audit: `archive`, `made`, `signed`; None = nothing."""
+    try:
+        found = json.loads(read_text(data / UNTOLD, LONGEST))
+        return {name: found[name] for name in ("archive", "made", "signed")}
+    except (ConfigurationError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def told(data: Path) -> None:
+    """The audit has the line of what was restored."""
+    (data / UNTOLD).unlink(missing_ok=True)
 
 
 def is_interrupted(data: Path) -> bool:

@@ -96,7 +96,9 @@ SYSTEM_ALARMS: Mapping[str, SystemAlarm] = {
     "journal_waiting": SystemAlarm(2),
     "simulation_late": SystemAlarm(4, on_delay=30.0, off_delay=5.0, audible=False),
     "disk_low": SystemAlarm(2),
+    "disk_slow": SystemAlarm(2),
     "clock_leapt": SystemAlarm(2),
+    "certificate_ends": SystemAlarm(2),
     "service_review": SystemAlarm(4, audible=False),
 }
 """Key → alarm. `{task}`, `{link}`, `{file}`, `{loss}`, `{time}`, `{command}`, `{percent}`, `{count}`, `{account}` in the texts are

@@ -12,7 +12,7 @@ from typing import Any
 import tomli
 
 from app.access.keys import lock, read_mark, write_mark
-from app.access.restoring import commit, finish_restore, stage, sync_folder, sync_tree
+from app.access.restoring import UNTOLD, commit, finish_restore, note_untold, stage, sync_folder, sync_tree
 from app.backup.archive import DATABASES, KEYS, MARKS, PLANT, Manifest, Tell, unpack
 from app.backup.sealing import Opening
 from app.clock import SystemClock, to_datetime
@@ -71,7 +71,8 @@ def restore(
             moves = _staged_plant(staging, near, place)
             tell("taking it over")
             names = {*manifest.files, *_without_mark(staging, data)}
-            moves = [*_old_files(data, old, names), *_new_files(staging, data, names), *moves]
+            line = note_untold(staging, archive.name, manifest.created, signed=manifest.signed)
+            moves = [*_old_files(data, old, names), *_new_files(staging, data, names), (line, data / UNTOLD), *moves]
             sync_tree(staging)
             commit(data, moves, [staging, near])
         except BaseException:
@@ -113,7 +114,9 @@ def _old_files(data: Path, old: Path, names: Set[str]) -> Iterator[tuple[Path, P
         if name in DATABASES and (data / name).exists():
             _settle_journal(data / name)
     tails = [f"{name}{tail}" for name in restored if name in DATABASES for tail in ("-wal", "-shm")]
-    aside = [name for name in dict.fromkeys((*restored, *MARKS, *tails, "audit.buffer")) if (data / name).exists()]
+    aside = [
+        name for name in dict.fromkeys((*restored, *MARKS, *tails, "audit.buffer", UNTOLD)) if (data / name).exists()
+    ]
     if aside:
         old.mkdir(mode=0o700)
     for name in aside:

@@ -38,7 +38,7 @@ def open_commands(
     Those of machines and commands that the plant does not have are among them: they, too, have a line that needs an end.
     """
     ended, found = set(followed), list[OpenCommand]()
-    for line in lines:
+    for line in without_late(lines):
         id = line.parameters.get("id", "")
         if not id or id in ended:
             continue
@@ -46,6 +46,13 @@ def open_commands(
         if line.kind == SENT:
             found.append(_open(line, id, plant, now))
     return found[::-1]
+
+
+def without_late(lines: Iterable[Record]) -> list[Record]:
+    """`lines` but for those of commands as sent that have another line: on a slow disk one waits in the buffer behind the outcome."""
+    found = list(lines)
+    told = {line.parameters.get("id", "") for line in found if line.kind != SENT}
+    return [line for line in found if line.kind != SENT or line.parameters.get("id", "") not in told]
 
 
 def _open(line: Record, id: str, plant: Mapping[str, Equipment], now: int) -> OpenCommand:

@@ -9,7 +9,8 @@ from collections.abc import Iterable, Mapping
 
 from app.access.audit.line import Record
 from app.commands.lifecycle import Progress
-from app.commands.open_sets import SENT, values_of
+from app.commands.open_commands import SENT, without_late
+from app.commands.open_sets import values_of
 from app.commands.parameter_change import KEY, LABEL, MOST, ParameterChange
 from app.commands.set_follow_up import UNTOLD, left_open
 from app.errors import TelegramError
@@ -28,7 +29,7 @@ def open_parameters(lines: Iterable[Record], plant: Mapping[str, Equipment]) -> 
     """The sets that are open, of `lines` newest first, each with what was to be written."""
     known: set[str] = set()
     found: list[OpenParameters] = []
-    for line in lines:
+    for line in without_late(lines):
         id = line.parameters.get("id", "")
         if not line.object.endswith(OBJECT) or not id or id in known:
             continue

@@ -11,11 +11,11 @@ from typing import Any
 from app.access.audit.line import Record
 from app.commands import value_set
 from app.commands.lifecycle import Progress
+from app.commands.open_commands import SENT, without_late
 from app.commands.set_follow_up import UNTOLD, left_open
 from app.commands.value_set import Change, Stands
 from app.plant.definitions import Equipment
 
-SENT = "command.sent"
 OBJECT = f".{value_set.KEY}"
 """What the objects of these lines end with."""
 NEWEST = 500
@@ -26,7 +26,7 @@ def open_sets(lines: Iterable[Record], plant: Mapping[str, Equipment]) -> list[P
     """The sets that are open, of `lines` newest first; those of machines or setpoints that the plant does not have are left out."""
     known: set[str] = set()
     found: list[Progress] = []
-    for line in lines:
+    for line in without_late(lines):
         id = line.parameters.get("id", "")
         if not line.object.endswith(OBJECT) or not id or id in known:
             continue

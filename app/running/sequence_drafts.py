@@ -6,10 +6,13 @@ last goes on; the other one is told.
 """
 
 import asyncio
+import logging
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from sqlalchemy import (
     BigInteger,
@@ -18,6 +21,7 @@ from sqlalchemy import (
     Connection,
     ForeignKey,
     Integer,
+    Row,
     String,
     Table,
     Text,
@@ -27,17 +31,23 @@ from sqlalchemy import (
     select,
 )
 
+from app.access.audit.audit import Audit
+from app.access.audit.line import Entry
 from app.access.roles import Person
-from app.access.tables import person_table
+from app.access.tables import audit_table, person_table
 from app.clock import Clock
 from app.db import Database, pogon_tables
-from app.errors import Refused
+from app.errors import Refused, UnusableFile
 from app.files import read_text
 from app.plant.sequence_text import LARGEST_TEXT
 from app.plant.sequences import FOLDER
 
+log = logging.getLogger(__name__)
+
 OVERTAKEN = "editor.refused.overtaken"
 """Why a draft is not taken whose file is another one by now."""
+KILLED = "editor.refused.killed"
+"""Why a draft was not taken: the server was killed before it was written."""
 
 draft_table = Table(
     "sequence_draft",
@@ -97,6 +107,15 @@ class Revision:
     reason: str
     returned_to: int
     """The revision that it brought back; 0 = none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """Of a taking that was begun and did not come to its end."""
+
+    name: str
+    person: Person
+    revision: Revision
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,10 +228,7 @@ class SequenceDrafts:
             query = (
                 select(revision_table).where(revision_table.c.sequence == name).order_by(revision_table.c.number.desc())
             )
-            return [
-                Revision(row.number, row.text, row.taken, row.person, row.reason, row.returned_to)
-                for row in connection.execute(query)
-            ]
+            return [_revision(row) for row in connection.execute(query)]
 
         return await self._database().read(work)
 
@@ -239,6 +255,26 @@ class SequenceDrafts:
             if done:
                 await self.discard(person, name)
         return revision if done else None
+
+    async def finish(self, audit: Audit) -> None:
+        """End what a server that was killed was taking, and write it down: taken when the file has it, else no revision.
+
+        Raises:
+            StorageError: `pogon.db` does not take it.
+        """
+        for begun in await self._database().read(_begun):
+            with suppress(UnusableFile):
+                done = await self.file(begun.name) == begun.revision.text
+                entry = audit.entry(
+                    "plant.edited",
+                    begun.person,
+                    begun.name,
+                    result="ok" if done else "refused",
+                    reason=begun.revision.reason if done else KILLED,
+                    changes=1,
+                )
+                await audit.with_entries(partial(_ended, begun, entry, done))
+                log.warning("taking was interrupted sequence=%s taken=%s", begun.name, done)
 
     async def _keep(self, person: Person, name: str, former: str, text: str, reason: str) -> Revision:
         """Write down that `text` is taken in place of `former`, which becomes a revision of its own if it was none.
@@ -270,8 +306,46 @@ class SequenceDrafts:
 
     async def _drop(self, name: str, number: int) -> None:
         """Revision `number` did not come to run."""
-        here = (revision_table.c.sequence == name) & (revision_table.c.number == number)
+        here = _numbered(name, number)
         await self._database().write(lambda connection: connection.execute(delete(revision_table).where(here)))
+
+
+def _begun(connection: Connection) -> list[Begun]:
+    """Drafts that are the newest revision of their sequence, begun from the one before: with the last step of taking they go."""
+    found = []
+    query = select(draft_table, person_table.c.name, person_table.c.display).join(person_table)
+    for row in connection.execute(query).all():
+        revisions = select(revision_table).where(revision_table.c.sequence == row.sequence)
+        newest = connection.execute(revisions.order_by(revision_table.c.number.desc()).limit(2)).all()
+        if len(newest) < 2 or row.changed > newest[0].taken or (newest[0].text, newest[1].text) != (row.text, row.base):
+            continue
+        who = Person(row.person, row.name, row.display, frozenset(), frozenset(), "")
+        found.append(Begun(row.sequence, who, _revision(newest[0])))
+    return found
+
+
+def _ended(begun: Begun, entry: Entry, done: bool, connection: Connection) -> tuple[None, list[Entry]]:
+    """The draft goes when it was taken, else its revision."""
+    told = select(audit_table.c.seq).where(
+        (audit_table.c.kind == entry.kind)
+        & (audit_table.c.object == begun.name)
+        & (audit_table.c.time >= begun.revision.taken)
+        & (audit_table.c.result == "ok")
+    )
+    was_told = connection.execute(told.limit(1)).one_or_none() is not None
+    if done:
+        connection.execute(delete(draft_table).where(_of(begun.person, begun.name)))
+    else:
+        connection.execute(delete(revision_table).where(_numbered(begun.name, begun.revision.number)))
+    return None, [] if was_told else [entry]
+
+
+def _revision(row: Row[Any]) -> Revision:
+    return Revision(row.number, row.text, row.taken, row.person, row.reason, row.returned_to)
+
+
+def _numbered(name: str, number: int) -> ColumnElement[bool]:
+    return (revision_table.c.sequence == name) & (revision_table.c.number == number)
 
 
 def _of(person: Person, name: str) -> ColumnElement[bool]:

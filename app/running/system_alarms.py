@@ -5,12 +5,14 @@ from collections.abc import Mapping
 
 from app.access.audit.audit import Audit
 from app.alarms.engine import AlarmEngine
+from app.clock import to_datetime
 from app.historian.events import Events
 from app.historian.recorder import Recorder
 from app.historian.upkeep import WARN_AT
 from app.links.register_link import RegisterLink
 from app.links.statistics import LinkState
 from app.plant.definitions import Plant
+from app.running.disk_pace import DiskPace
 from app.sim.plant import SimPlant
 from app.supervisor import SupervisedTask
 
@@ -18,6 +20,8 @@ log = logging.getLogger(__name__)
 
 SIMULATION_LATE = 1.0
 """The virtual plant is behind by more than this [s]: an alarm."""
+CERTIFICATE_SOON = 14 * 86_400_000_000
+"""So long before its end a certificate is an alarm [µs]: a new one may have to be asked for."""
 SIMULATION_SLOW = 0.9
 """Slower than this, compared with real time: an alarm."""
 
@@ -41,8 +45,10 @@ def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, 
         tell("device_restarts", item.id, active=link_of is not None and link_of.restarts(item.id))
 
 
-def tell_of_server(alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, recorder: Recorder, events: Events) -> None:
-    """A simulation that is late, an audit or a history that is not written."""
+def tell_of_server(
+    alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, recorder: Recorder, events: Events, disk: DiskPace
+) -> None:
+    """A simulation that is late, an audit or a history that is not written, a disk that is slow."""
     tell = alarms.system.report
     tell(
         "simulation_late",
@@ -53,7 +59,15 @@ def tell_of_server(alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, reco
     tell("history_full", active=recorder.full or events.failed)
     tell("history_quota", active=recorder.upkeep.fill >= WARN_AT, params={"percent": str(round(100 * WARN_AT))})
     tell("disk_low", active=recorder.upkeep.disk_low)
+    tell("disk_slow", active=disk.is_slow())
     tell("clock_leapt", active=recorder.upkeep.clock_leapt)
+
+
+def tell_of_certificate(alarms: AlarmEngine, end: int | None, now: int) -> None:
+    """A certificate of this server that ends soon, or has ended; `end` is that of the one that it uses [µs UTC], None = it has none."""
+    if end is not None:
+        day = to_datetime(end).date().isoformat()
+        alarms.system.report("certificate_ends", active=end - now < CERTIFICATE_SOON, params={"time": day})
 
 
 def tell_of_task(alarms: AlarmEngine, task: SupervisedTask) -> None:

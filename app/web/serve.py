@@ -195,7 +195,8 @@ class Server(uvicorn.Server):
             typer.echo(announcement(self._pogon, self._settings, port))
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Close the sockets and let the plant end; an end that hangs is ended."""
+        """Close the sockets and let the plant end; an end that hangs, or waits for a disk for too long, is ended."""
+        self._watchdog.end_in_time()
         try:
             await super().shutdown(sockets)
         finally:

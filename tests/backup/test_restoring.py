@@ -14,8 +14,9 @@ import pytest
 from typer.testing import CliRunner
 
 from app.access.access import lock, prepare
+from app.access.audit.search import Filter
 from app.access.former import begin_anew
-from app.access.restoring import JOURNAL, finish_restore
+from app.access.restoring import JOURNAL, UNTOLD, finish_restore
 from app.backup import MANIFEST, back_up, table_counts
 from app.cli import cli
 from app.errors import ConfigurationError
@@ -244,3 +245,33 @@ def test_a_journal_that_is_none_changes_nothing(data: Path, text: str) -> None:
     with pytest.raises(ConfigurationError, match="expected the journal of a restore"):
         prepare(data)
     assert table_counts(data / "pogon.db") == before
+
+
+async def test_of_a_restore_that_was_killed_when_all_was_there_the_next_start_tells_once(
+    data: Path, plant: Path, tmp_path: Path
+) -> None:
+    archive = tmp_path / "b.tar"
+    back_up(archive, data, plant, keys=True)
+    fresh = tmp_path / "new"
+    manifest, _ = restore(archive, fresh)  # and nobody came to write its line
+    for _ in range(2):
+        with _access(fresh) as access:
+            await access.start()
+            (line,) = await access.audit.find(Filter(kind="backup.restored"))
+            assert (line.object, line.result) == ("b.tar", "ok")
+            assert line.parameters == {"made": manifest.created, "signed": "1"}
+            assert access.audit.check_now().ok
+    assert not (fresh / UNTOLD).exists()
+
+
+def test_a_restore_that_came_to_its_end_is_told_once_too(data: Path, plant: Path, tmp_path: Path) -> None:
+    archive, fresh = tmp_path / "b.tar", tmp_path / "new"
+    back_up(archive, data, plant, keys=True)
+    done = CliRunner().invoke(
+        cli, ["restore", str(archive), "--yes", "--data", str(fresh), "--key-file", str(data / "backup.key")]
+    )
+    assert done.exit_code == 0, done.output
+    assert not (fresh / UNTOLD).exists()
+    with closing(sqlite3.connect(fresh / "pogon.db")) as connection:
+        told = connection.execute("SELECT person FROM audit WHERE kind = 'backup.restored'").fetchall()
+    assert len(told) == 1 and told[0][0].startswith("terminal:")

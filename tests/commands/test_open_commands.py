@@ -122,6 +122,7 @@ def line(
         ([line(1, "command.sent", "a")], ["a"]),
         ([line(2, "command", "a", result="confirmed"), line(1, "command.sent", "a")], []),
         ([line(2, "command", "a", result="unknown"), line(1, "command.sent", "a")], []),
+        ([line(2, "command.sent", "a"), line(1, "command", "a", result="confirmed")], []),
         ([line(3, "command.sent", "b"), line(2, "command", "a"), line(1, "command.sent", "a")], ["b"]),
         ([line(3, "command.sent", "b"), line(1, "command.sent", "a")], ["a", "b"]),
         ([line(3, "command.sent", "a"), line(1, "command.sent", "a")], ["a"]),

@@ -184,6 +184,7 @@ def line(
         ([line("command", "a", UNREAD), line("command.sent", "a")], ["a"]),
         ([line("command", "a", FOUND_MIXED), line("command", "a", UNREAD), line("command.sent", "a")], []),
         ([line("command", "a"), line("command.sent", "a")], []),
+        ([line("command.sent", "a"), line("command", "a")], []),
         ([line("command.sent", "a", object="gone.drive_parameters")], []),
         ([line("command.sent", "a", object="d2.setpoints")], []),
         ([line("command.sent", "a", change="2:p9999")], []),

@@ -136,6 +136,7 @@ def line(seq: int, kind: str, id: str, reason: str = "", object: str = "m1.setpo
     ("lines", "expected"),
     [
         ([line(1, "command.sent", "a")], ["a"]),
+        ([line(2, "command.sent", "a"), line(1, "command", "a")], []),
         ([line(2, "command", "a"), line(1, "command.sent", "a")], []),
         ([line(2, "command", "a", RESTORED), line(1, "command.sent", "a")], []),
         ([line(2, "command", "a", MIXED), line(1, "command.sent", "a")], []),

@@ -7,7 +7,7 @@ import pytest
 
 from app.historian.upkeep import WARN_AT
 from app.links.statistics import LinkState
-from app.running.system_alarms import tell_of_links, tell_of_server, tell_of_task
+from app.running.system_alarms import tell_of_certificate, tell_of_links, tell_of_server, tell_of_task
 from app.supervisor import SupervisedTask
 
 
@@ -72,12 +72,13 @@ def test_a_plc_that_restarts_again_and_again_is_told_of_its_machine(restarts: bo
 def server(**changed: Any) -> set[str]:
     state: dict[str, Any] = {
         "lag": 0.0, "speed": 1, "achieved": 1.0, "healthy": True, "intact": True, "full": False, "failed": False, "fill": 0.1,
-        "disk_low": False, "clock_leapt": False,
+        "disk_low": False, "clock_leapt": False, "slow": False,
     } | changed  # fmt: skip
     it: Any = SimpleNamespace(**state)
     it.upkeep = it
+    it.is_slow = lambda: it.slow
     alarms: Any = Alarms()
-    tell_of_server(alarms, it, it, it, it)
+    tell_of_server(alarms, it, it, it, it, it)
     return set(alarms.told())
 
 
@@ -97,10 +98,19 @@ def server(**changed: Any) -> set[str]:
         ({"fill": WARN_AT}, {"history_quota"}),
         ({"disk_low": True}, {"disk_low"}),
         ({"clock_leapt": True}, {"clock_leapt"}),
+        ({"slow": True}, {"disk_slow"}),
     ],
 )
 def test_each_fault_of_the_server_has_its_alarm(changed: dict[str, Any], told: set[str]) -> None:
     assert server(**changed) == told
+
+
+@pytest.mark.parametrize(("days", "told"), [(-1, True), (0, True), (13, True), (15, False), (None, False)])
+def test_a_certificate_is_told_two_weeks_before_its_end(days: int | None, told: bool) -> None:
+    alarms: Any = Alarms()
+    now = 1_800_000_000_000_000
+    tell_of_certificate(alarms, None if days is None else now + days * 86_400_000_000, now)
+    assert ("certificate_ends" in alarms.told()) is told
 
 
 @pytest.mark.parametrize("alive", [True, False])

@@ -104,6 +104,28 @@ def test_a_permissive_is_released_only_when_it_is_forced(plant: TestClient, engi
     assert until(lambda: tags.sample("seq2.forces").value == 0)
 
 
+@pytest.mark.parametrize("password", [PASSWORD, "nothing like it"])
+def test_of_an_order_that_is_refused_anyway_no_password_is_looked_at(
+    plant: TestClient, engineer: Operator, monkeypatch: pytest.MonkeyPatch, password: str
+) -> None:
+    """Neither does a refusal cost a hash, nor does it tell whether a password was right."""
+    engineer.language = "en"
+    looked: list[str] = []
+    passwords = runtime_of(plant).access.passwords
+    verify = passwords._verify_now
+    monkeypatch.setattr(passwords, "_verify_now", lambda *given: (looked.append(given[0]), verify(*given))[1])
+    given = {"arg_step": "3", "arg_bit": "1", "arg_duration": "6", "reason": "test", "confirmed": "1"}
+    engineer.post("/equipment/seq2/token/release")
+    try:
+        refused = engineer.press("/equipment/seq2/command/force", **given, password=password)
+    finally:
+        engineer.take("seq2")
+    assert (refused.status_code, looked) == (423, [])
+    wrong = engineer.press("/equipment/seq2/command/force", **given, password="nothing like it")
+    assert (wrong.status_code, looked) == (401, ["nothing like it"])
+    runtime_of(plant).access.throttle.clear(f"ivana {engineer.sid}")
+
+
 def test_a_token_has_no_password_and_cannot_force(plant: TestClient, engineer: Operator) -> None:
     staff = engineer.staff
     engineer.post("/equipment/seq2/token/release")

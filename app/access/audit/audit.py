@@ -26,6 +26,7 @@ from app.access.audit.buffer import Buffer
 from app.access.audit.chain import begin_now, chained, genesis, tolerant
 from app.access.audit.line import Entry, Record, announce, entry_at
 from app.access.audit.search import Filter
+from app.access.audit.together import Together
 from app.access.audit.verification import Verdict, read_marks, verify
 from app.access.audit.waiting import KEEPING_LIMIT, Kept, WaitingLines
 from app.access.keys import read_key
@@ -34,7 +35,7 @@ from app.access.tables import audit_table
 from app.clock import Clock
 from app.db import Database
 from app.errors import Refused, StorageError
-from app.threads import Threads, threads
+from app.threads import Threads, Turns, threads
 
 log = logging.getLogger(__name__)
 
@@ -58,12 +59,14 @@ class Audit:
         self._clock = clock
         self._data = data
         self._key = read_key(data / "audit.key")
-        self._disk = threads(1, "audit-buffer")
+        self.disk = Turns(threads(1, "audit-buffer"))
         self._buffer = Buffer(data, self._key)
-        self._waiting = WaitingLines(self._buffer, data, self._disk)
+        self._waiting = WaitingLines(self._buffer, data, self.disk)
         self._anchoring = Anchoring(data, self._key, clock, self._buffer, elsewhere)
         self._overdue = bool(self._waiting)
         self._flushing: asyncio.Task[None] | None = None
+        self._next = Together()
+        self._writing: asyncio.Task[tuple[None, tuple[int, str] | None]] | None = None
         self.verdict: Verdict | None = None
         """What the last verifying found; None before the first."""
         self.entry = _now(clock, entry_at)
@@ -99,10 +102,8 @@ class Audit:
         Returns the line's number, 0 while it waits in the buffer.
         """
         try:
-            _, newest = await self._commit(lambda _connection: (None, [entry]))
-            return newest[0] if newest else 0
-        except StorageError as error:
-            self._refused(error)
+            return await self._together(entry)
+        except StorageError:
             if (waits := self._waiting.add(entry)) is None:
                 self._waiting.lose()
             else:
@@ -145,14 +146,44 @@ class Audit:
         self._anchoring.write_if_due()
         return result
 
+    async def _together(self, *entries: Entry) -> int:
+        """Write `entries`, and what waits, in one commit with all others that wait for the thread of the database; the number of the last.
+
+        On a slow disk each would else wait for those of all before it.
+
+        Raises:
+            StorageError: the database did not take it.
+        """
+        place = self._next.join(entries)
+        if place is None or self._writing is None or self._writing.done():
+            self._next = Together()
+            place = self._next.join(entries)
+            self._writing = asyncio.get_running_loop().create_task(self._write_next(self._next), name="audit lines")
+            self._writing.add_done_callback(lambda task: task.cancelled() or task.exception())
+        together, writing = self._next, self._writing
+        _, newest = await asyncio.shield(writing)  # whoever waits no more takes no line of others with them
+        return newest[0] - together.after(place) if newest and place is not None else 0
+
+    async def _write_next(self, together: Together) -> tuple[None, tuple[int, str] | None]:
+        try:
+            return await self._commit(together.take)
+        except StorageError as error:
+            self._refused(error)
+            raise
+
     async def _commit(
         self, work: Callable[[Connection], tuple[T, Sequence[Entry]]]
     ) -> tuple[T, tuple[int, str] | None]:
-        waiting = self._waiting.all()
+        waiting: list[Kept] = []
         told: list[Entry] = []
-        result, newest = await self._db.write(lambda connection: self._written(connection, work, waiting, told))
+
+        def write(connection: Connection) -> tuple[T, tuple[int, str] | None]:
+            waiting.extend(self._waiting.all())
+            return self._written(connection, work, waiting, told)
+
+        result, newest = await self._db.write(write)
         self._settle(newest, waiting)
-        self._disk.submit(self._anchoring.write_head)
+        self.disk.submit(self._anchoring.write_head)
         announce(told)
         if self._anchoring.due:
             await self.anchor_if_due()
@@ -201,7 +232,7 @@ class Audit:
 
     async def begin(self) -> None:
         """Take over what a killed server left in the buffer, put aside what others put there, and allocate the file."""
-        await asyncio.get_running_loop().run_in_executor(self._disk, self._anchoring.begin)
+        await asyncio.get_running_loop().run_in_executor(self.disk, self._anchoring.begin)
         foreign = self._waiting.take_over()
         await self.replay()
         if foreign:
@@ -211,9 +242,8 @@ class Audit:
         """Write what waits; True when nothing waits any more."""
         if self._waiting:
             try:
-                await self.with_entries(lambda _connection: (None, []))
-            except StorageError as error:
-                self._refused(error)
+                await self._together()
+            except StorageError:
                 return False
         return self.healthy
 
@@ -234,7 +264,7 @@ class Audit:
 
     async def anchor_if_due(self) -> None:
         """Write an anchor, here and elsewhere, if it is time."""
-        await asyncio.get_running_loop().run_in_executor(self._disk, self._anchoring.write_if_due)
+        await asyncio.get_running_loop().run_in_executor(self.disk, self._anchoring.write_if_due)
 
     async def check(self, person: Person | None = None) -> Verdict:
         """Verify the chain, remember the verdict and write down that it was done.
@@ -277,7 +307,7 @@ class Audit:
     def close(self) -> None:
         """A last anchor."""
         self._anchoring.write_if_due(now=True)
-        self._disk.shutdown(wait=True)
+        self.disk.shutdown(wait=True)
         self._buffer.close()
 
     # ---- reading --------------------------------------------------------------------------------------

@@ -68,7 +68,7 @@ class WaitingLines:
     async def put_by(self, id_: str) -> bool:
         """Put a line that waits into the buffer; False when it does not take it in time."""
         self._keeping += 1
-        work = asyncio.get_running_loop().run_in_executor(self._disk, self._buffer.append, self._lines[id_])
+        work = asyncio.get_running_loop().run_in_executor(self._disk, self._append, id_)
         work.add_done_callback(self._put)
         done, _ = await asyncio.wait([work], timeout=KEEPING_LIMIT)
         try:
@@ -82,6 +82,11 @@ class WaitingLines:
         if self._trouble.is_over():
             log.info("audit buffer written again")
         return True
+
+    def _append(self, id_: str) -> None:
+        line = self._lines.get(id_)
+        if line is not None:  # else it came too late for somebody, or the database has it
+            self._buffer.append(line)
 
     def _put(self, work: "asyncio.Future[None]") -> None:
         self._keeping -= 1

@@ -101,5 +101,5 @@ async def test_a_buffer_that_is_full_does_not_stop_the_database(
     assert await access.audit.foretell(access.audit.entry("command.sent", boss(), "x"))
     await access.audit.replay()
     assert await access.audit.count() == sum(kept) + 1
-    access.audit._disk.submit(lambda: None).result()
+    access.audit.disk.submit(lambda: None).result()
     assert await access.audit.foretell(access.audit.entry("command.sent", boss(), "y"))  # it begins anew in front

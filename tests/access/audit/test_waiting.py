@@ -28,7 +28,7 @@ async def test_a_full_disk_loses_no_line_and_holds_nobody_up(access: Access, dat
     assert access.audit.healthy
     assert [line.kind for line in await access.audit.find(Filter())] == ["after", "acknowledge", "stop", "one"]
     assert access.audit.check_now().count == 4
-    access.audit._disk.submit(lambda: None).result()
+    access.audit.disk.submit(lambda: None).result()
     assert access.audit._buffer.read().lines == []
 
 
