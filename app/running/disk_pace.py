@@ -3,7 +3,7 @@
 from app.clock import Clock
 from app.threads import Turns
 
-SLOW = 1.5
+SLOW = 2.0
 """A write that takes longer is slow [s]: a command whose line is not on the disk after `waiting.KEEPING_LIMIT` is refused."""
 CALM = 30.0
 """A disk is slow until no write was for so long [s]."""

@@ -28,11 +28,12 @@ class Disk:
 
 
 @pytest.mark.parametrize("thread", [0, 1])
-def test_one_write_of_two_seconds_is_a_slow_disk_until_none_was_for_half_a_minute(thread: int) -> None:
+def test_one_write_of_more_than_two_seconds_is_a_slow_disk_until_none_was_for_half_a_minute(thread: int) -> None:
     disk = Disk()
     assert not disk.looks(60)
     disk.threads[thread].at_work = 1
-    assert disk.looks(2)
+    assert not disk.looks(2)
+    assert disk.looks(2 * LOOK)
     disk.threads[thread].at_work = 0
     assert disk.looks(CALM - 1)
     assert not disk.looks(1)
