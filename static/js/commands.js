@@ -17,23 +17,22 @@ export const identity = () => crypto.randomUUID?.() ?? Array.from(crypto.getRand
 
 // ---- nonces: one is fetched when a button goes down, so that no command ever fails for an old one ----------------------------------
 
-let waiting = null;
+let waiting = null, stops = 0;
 
 /** Have a nonce ready for the click that follows. */
-export function prepare() {
-  waiting ??= { at: performance.now(), nonce: fetchNonce() };
-}
+export const prepare = () => { waiting ??= { at: performance.now(), nonce: fetchNonce() }; };
 
 async function fetchNonce() {
   const got = await answered("/nonce", { limit: 3000 });
   return got?.ok ? JSON.parse(got.text).nonce : "";
 }
 
-/** A nonce that is good now; each is used once. */
+/** A nonce that is good now; each is used once. None when a Stop came since it was asked for: what was pressed before it is not carried out. */
 export async function nonce() {
-  const held = waiting;
+  const held = waiting, before = stops;
   waiting = null;
-  return held && performance.now() - held.at < 4000 ? (await held.nonce) || fetchNonce() : fetchNonce();
+  const got = (held && performance.now() - held.at < 4000 && (await held.nonce)) || (await fetchNonce());
+  return stops === before ? got : "";
 }
 
 // ---- answers ------------------------------------------------------------------------------------------------------------------------
@@ -403,8 +402,9 @@ document.addEventListener("invalid", (event) => {
   target.focus();
 }, true);
 
-/** A stop, whoever gave it, is the answer to every open question about the machine. */
+/** A stop, whoever gave it, is the answer to every open question about the machine, and to every press whose nonce is still on its way. */
 function withdraw(machine) {
+  [waiting, stops] = [null, stops + 1];
   for (const asked of document.querySelectorAll("[data-ask]")) if (machineOf(asked) === machine) asked.cancel?.();
 }
 
