@@ -368,13 +368,13 @@ function settle(form, got, value) {
 /** Show `element`: the card of a value at its field, everything else as a dialog. Both close by themselves, as cancelled. */
 function ask(element, near) {
   document.dispatchEvent(new Event("pogon:dialog"));
-  const field = element.matches("[data-card]") && near?.matches?.("[data-setpoint]") ? near : null;
-  element.field = field;
+  const field = element.field = element.matches("[data-card]") && near?.matches?.("[data-setpoint]") ? near : null;
   const place = field && review(field);
   let began = performance.now();
   const closes = element.querySelector("[data-closes]");
   element.addEventListener("input", () => { [began] = [performance.now(), hint(element, "")]; }); // who types is still there
   const timer = setInterval(() => {
+    if (!element.isConnected) return clearInterval(timer); // another card took its place
     const left = ASK - (performance.now() - began);
     if (closes) closes.textContent = closes.dataset.closes.replace("{n}", Math.max(0, Math.ceil(left / 1000)));
     if (left > 0) return;
