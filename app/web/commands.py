@@ -72,6 +72,8 @@ ARGUMENT = "arg_"
 """Before the name of an argument in a form."""
 OWN_FIELD: Mapping[str, str] = {"access.current_wrong": "password", "why.reason_too_long": "reason"}
 """Refusal → what of the form it is about, where that is no value."""
+BY_SCRIPT = frozenset({"why.expired", "why.no_token"})
+"""Refusals of who has no script to get what is missing."""
 ROW = re.compile("[0-9]{1,18}")
 """How the row of a table is named in an address."""
 
@@ -305,11 +307,12 @@ async def _ask(request: Request, operation: Operation, key: str, *, value: bool 
     except Question as question:
         return _question(request, operation, form, key, question)
     except Refused as error:
+        without_script = not wants_fragment(request) and not form["nonce"] and error.reason in BY_SCRIPT
         return _answered(
             request,
             operation,
             form,
-            operation.words.refusal(error),
+            operation.equipment.text("operate.needs_script") if without_script else operation.words.refusal(error),
             "error",
             error.status,
             key,
@@ -353,7 +356,8 @@ def _answered(
     view = view_of(request)
     if not wants_fragment(request):
         if status >= 400:
-            return error_answer(request, status, "operate.said", text=text)
+            back = operation.equipment.label, operation.url
+            return error_answer(request, status, "operate.said", back=back, text=text)
         return RedirectResponse(local_path(form.get("next") or operation.url), 303)
     fresh = operation.fresh()
     response = view.fragment(
