@@ -16,6 +16,7 @@ from starlette.exceptions import HTTPException
 
 from app import bundled
 from app.commands.gate import Gate, Question
+from app.commands.hold import CAUSES
 from app.commands.lifecycle import Progress, ProgressState
 from app.errors import Refused
 from app.plant import expression
@@ -24,7 +25,7 @@ from app.web import format as fmt
 from app.web.errors import answer as error_answer
 from app.web.guard import address_of, allow, fields, people_access, person_of
 from app.web.language import language_of, local_path
-from app.web.operation import RELEASE_CAUSES, Operation
+from app.web.operation import Operation
 from app.web.pages import plant_of, view_of
 from app.web.screens import check_asked
 from app.web.tables import tables_of
@@ -216,7 +217,7 @@ async def release(request: Request, key: str) -> Response:
     """End a hold-to-run: the second way beside the socket. A lease that is over stays over."""
     operation = operation_of(request, key)
     form = await fields(request, ("lease",), ("cause",))
-    cause = form["cause"] if form["cause"] in RELEASE_CAUSES else "released"
+    cause = form["cause"] if form["cause"] in CAUSES else "released"
     gate_of(operation).hold.release(form["lease"], person_of(request).session, cause)
     return Response(status_code=204)
 
