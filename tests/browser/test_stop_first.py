@@ -59,6 +59,7 @@ def test_what_was_confirmed_before_a_stop_is_not_carried_out_after_it(sit: Sit) 
     expect(page.locator("#message")).to_contain_text("Done", timeout=30_000)
     page.click("[data-command='m1.reverse']")
     asked = page.locator("#overlay [data-ask]")
+    expect(asked).to_be_visible()
     held = hold_back(page, "**/nonce")
     with page.expect_response("**/command/reverse") as answer:
         asked.locator(".danger").press("Enter")
