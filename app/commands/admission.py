@@ -26,13 +26,24 @@ class Admission:
         self._state = state
         self._bursts: dict[tuple[str, str, str], _Burst] = {}
 
-    def check_person(self, order: Order, machine: Machine, prepared: Prepared) -> None:
-        """Role, token, nonce: before anything is asked of the device."""
+    def check_person(self, order: Order, machine: Machine, prepared: Prepared) -> float:
+        """Role, token, nonce: before anything is asked of the device. Returns when the nonce was issued [s, monotonic]."""
         for found, status in self._state.checks.lacking(order.person, machine, prepared):
             raise Refused(found.key, status, **found.params)
         assert order.person is not None
-        self.nonces.use(order.person.session, order.nonce)
+        issued = self.nonces.use(order.person.session, order.nonce)
         self._state.control.touch(order.person.session, order.equipment)
+        return issued
+
+    @staticmethod
+    def check_not_stopped(machine: Machine, issued: float) -> None:
+        """Nobody stopped the machine since the nonce of a command was `issued`: what was pressed before a Stop is not carried out after it.
+
+        Raises:
+            Refused: 409.
+        """
+        if machine.stopped > issued:
+            raise Refused("why.stopped_since", 409)
 
     def within_rate(self, order: Order, prepared: Prepared | None) -> bool:
         """Whether the person has not asked too often; else that is a refusal."""

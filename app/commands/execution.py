@@ -48,6 +48,7 @@ class Execution:
             self._admission.note_refusal(order, prepared, refusal)
             raise refusal
         if prepared.command.stop:
+            machine.stopped = self._state.clock.monotonic()
             return await asyncio.shield(
                 self._state.keep(self._carry_out(order, prepared, choose), f"stop {order.equipment}")
             )
@@ -72,9 +73,10 @@ class Execution:
         try:
             machine, prepared = self._state.still(order.equipment, choose)
             if not prepared.command.stop:
-                self._admission.check_person(order, machine, prepared)
+                issued = self._admission.check_person(order, machine, prepared)
                 await self._state.checks.renew(machine, prepared)
                 machine, prepared = self._state.still(order.equipment, choose)
+                self._admission.check_not_stopped(machine, issued)
             if prepared.command.stop and machine.job is not None and machine.job.order.id == order.id:
                 return machine.job.progress  # the second click of a double click
             plan = self._state.checks.task(order, machine, prepared)

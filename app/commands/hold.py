@@ -30,8 +30,9 @@ STALL = 0.3
 """Gap between two ticks that counts as a stalled loop [s]."""
 REMEMBERED = 100
 """So many leases that ended are known by why they did: who still holds the button is told."""
-CAUSES = frozenset({"released", "closed", "left", "hidden", "dialog", "offline"})
-"""What a page may say why it let go: button up, page closed, pointer or focus left, page hidden, a dialog, no connection."""
+CAUSES = frozenset({"released", "closed", "left", "hidden", "dialog", "offline", "longest", "both"})
+"""What a page may say why it let go: button up, page closed, pointer or focus left, page hidden, a dialog, no connection, held too long,
+something else pressed meanwhile."""
 PAUSE = 0.3
 """Time released before the other direction [s]."""
 

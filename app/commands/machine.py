@@ -53,6 +53,8 @@ class Machine:
     commands: Mapping[str, Prepared]
     setpoints: Mapping[str, Prepared]
     stop: Prepared | None
+    stopped: float = float("-inf")
+    """When its Stop was asked for last [s, monotonic]."""
     job: Job | None = None
     set: SetJob | None = None
     """Nothing but a Stop is taken beside it."""

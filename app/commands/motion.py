@@ -66,9 +66,10 @@ class HeldMotion:
                 raise Refused("why.no_such_command", 404, equipment=equipment, command=command)
             if not self._admission.within_rate(order, prepared):
                 raise Refused("why.rate", 429)
-            self._admission.check_person(order, machine, prepared)
+            issued = self._admission.check_person(order, machine, prepared)
             await self._state.checks.renew(machine, prepared)
             machine, prepared = self._state.still(equipment, lambda one: _held(one, command))
+            self._admission.check_not_stopped(machine, issued)
             self._state.checks.task(order, machine, prepared)
             if self._state.dry_run:
                 raise Refused("why.dry_run", 409)

@@ -53,8 +53,8 @@ class Nonces:
         issued.append(nonce)
         return nonce.text
 
-    def use(self, session: str, nonce: str) -> None:
-        """Use `nonce` up.
+    def use(self, session: str, nonce: str) -> float:
+        """Use `nonce` up; returns when it was issued [s, monotonic].
 
         Raises:
             Refused: 410 `why.expired`: not of this session, used before, older than 10 s, or replaced more than 4 s ago.
@@ -65,7 +65,7 @@ class Nonces:
             if secrets.compare_digest(held.text.encode(), nonce.encode()):
                 issued.remove(held)
                 if now - held.issued <= LIFE and now - held.replaced <= REPLACED_LIFE:
-                    return
+                    return held.issued
                 break
         raise Refused("why.expired", 410)
 

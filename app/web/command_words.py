@@ -158,7 +158,8 @@ class CommandWords:
             steps.append(f"{text('fb.requested')} {self.time(progress.requested)}")
         if progress.over or progress.state is ProgressState.UNKNOWN:
             steps.append(f"{text(progress.text)} {self.time(progress.ended)}".rstrip())
-        because = self.because(progress) if progress.state is not ProgressState.CONFIRMED else ""
+        cut = progress.reason.startswith("hold.cause.") and progress.reason != "hold.cause.released"
+        because = self.because(progress) if cut or progress.state is not ProgressState.CONFIRMED else ""
         argument = ""
         if progress.argument is not None:
             command = self.equipment.equipment.type.commands.get(progress.command)
@@ -178,6 +179,8 @@ class CommandWords:
             ProgressState.ACCEPTED,
         ):
             kind = "info" if progress.state is ProgressState.SUPERSEDED else "error"
+        elif cut:
+            kind = "info"
         return Story(
             f"{progress.id}.{progress.state}.{progress.over}",
             line,

@@ -16,6 +16,7 @@ from starlette.exceptions import HTTPException
 
 from app import bundled
 from app.commands.gate import Gate, Question
+from app.commands.hold import CAUSES
 from app.commands.lifecycle import Progress, ProgressState
 from app.errors import Refused
 from app.plant import expression
@@ -24,7 +25,7 @@ from app.web import format as fmt
 from app.web.errors import answer as error_answer
 from app.web.guard import address_of, allow, fields, people_access, person_of
 from app.web.language import language_of, local_path
-from app.web.operation import RELEASE_CAUSES, Operation
+from app.web.operation import Operation
 from app.web.pages import plant_of, view_of
 from app.web.screens import check_asked
 from app.web.tables import tables_of
@@ -72,6 +73,8 @@ ARGUMENT = "arg_"
 """Before the name of an argument in a form."""
 OWN_FIELD: Mapping[str, str] = {"access.current_wrong": "password", "why.reason_too_long": "reason"}
 """Refusal → what of the form it is about, where that is no value."""
+BY_SCRIPT = frozenset({"why.expired", "why.no_token"})
+"""Refusals of who has no script to get what is missing."""
 ROW = re.compile("[0-9]{1,18}")
 """How the row of a table is named in an address."""
 
@@ -214,7 +217,7 @@ async def release(request: Request, key: str) -> Response:
     """End a hold-to-run: the second way beside the socket. A lease that is over stays over."""
     operation = operation_of(request, key)
     form = await fields(request, ("lease",), ("cause",))
-    cause = form["cause"] if form["cause"] in RELEASE_CAUSES else "released"
+    cause = form["cause"] if form["cause"] in CAUSES else "released"
     gate_of(operation).hold.release(form["lease"], person_of(request).session, cause)
     return Response(status_code=204)
 
@@ -307,11 +310,12 @@ async def _ask(request: Request, operation: Operation, key: str, *, value: bool 
     except Question as question:
         return _question(request, operation, form, key, question)
     except Refused as error:
+        without_script = not wants_fragment(request) and not form["nonce"] and error.reason in BY_SCRIPT
         return _answered(
             request,
             operation,
             form,
-            operation.words.refusal(error),
+            operation.equipment.text("operate.needs_script") if without_script else operation.words.refusal(error),
             "error",
             error.status,
             key,
@@ -355,7 +359,8 @@ def _answered(
     view = view_of(request)
     if not wants_fragment(request):
         if status >= 400:
-            return error_answer(request, status, "operate.said", text=text)
+            back = operation.equipment.label, operation.url
+            return error_answer(request, status, "operate.said", back=back, text=text)
         return RedirectResponse(local_path(form.get("next") or operation.url), 303)
     fresh = operation.fresh()
     response = view.fragment(

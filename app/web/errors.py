@@ -80,9 +80,11 @@ def answer(
     key: str,
     reference: str = "",
     fields: Sequence[Mapping[str, str]] = (),
+    back: tuple[str, str] | None = None,
     **params: object,
 ) -> Response:
-    """The text `key` in the form that the asker can use; `fields` are the parts of a program's request that are wrong."""
+    """The text `key` in the form that the asker can use; `fields` are the parts of a program's request that are wrong, `back` is the name
+    and address of the page that it is about."""
     view: View = request.app.state.view
     text = view.text(request, key, **params).rstrip()
     if request.url.path.startswith("/api/"):
@@ -100,6 +102,7 @@ def answer(
         text=text,
         hint=_hint(request, HINTS[key]) if key in HINTS else "",
         reference=reference,
+        back=back,
     )
 
 
@@ -154,7 +157,7 @@ async def _refused(request: Request, error: Exception) -> Response:
 def _said(request: Request, error: Refused, fields: Sequence[Mapping[str, str]] = ()) -> Response:
     view: View = request.app.state.view
     written = fmt.parameters(error.params, language_of(request), partial(view.text, request))
-    return answer(request, error.status, error.reason, "", fields, **written)
+    return answer(request, error.status, error.reason, "", fields, None, **written)
 
 
 async def _storage(request: Request, error: Exception) -> Response:

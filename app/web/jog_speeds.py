@@ -20,6 +20,7 @@ from app.web.drive_mailbox import drive_among
 from app.web.drive_parameters import begin_reading, machine_of
 from app.web.drive_values import permitted_text
 from app.web.drive_writing import LONGEST_VALUE, drive_of
+from app.web.errors import answer as error_answer
 from app.web.guard import allow, fields, person_of
 from app.web.operation import Operation
 from app.web.pages import view_of
@@ -93,7 +94,9 @@ async def change(request: Request, key: str) -> Response:
     form = await fields(request, (), CODES)
     typed = {one.code: form[one.code].strip()[:LONGEST_VALUE] for one in parameters if form[one.code].strip()}
     if not typed:
-        raise Refused("why.par_count", 422, n=0, limit=len(parameters))
+        machine = operation.equipment
+        back, title = (machine.label, operation.url), machine.text("jog.title")
+        return error_answer(request, 422, "why.argument_missing", back=back, label=title)
     draft = drive_of(request, operation).draft(person_of(request).session)
     if draft.busy:
         raise Refused("why.busy", 409, label="dpar.change")

@@ -33,8 +33,6 @@ DRAWN: Mapping[ProgressState, str] = {
     ProgressState.DRY_RUN: "done",
 }
 """`data-state` of a button; every other state is drawn as failed."""
-RELEASE_CAUSES = frozenset({"released", "closed", "left", "hidden", "dialog", "offline", "longest", "both"})
-"""What a browser may say of why it let go."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,11 +30,12 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from app.access.roles import Person
 from app.addresses import client_of
 from app.commands.gate import Gate
+from app.commands.hold import CAUSES
 from app.errors import Refused
 from app.live.frames import Live, Watcher
 from app.running.page_tags import page_tags
 from app.web.guard import address_of, allow, permission_of_point
-from app.web.operation import RELEASE_CAUSES, Operation
+from app.web.operation import Operation
 from app.web.security import host_of, is_own_origin
 
 log = logging.getLogger(__name__)
@@ -363,7 +364,7 @@ class _Conversation:
         self.leases.discard(lease)
         if self.gate is not None:
             with contextlib.suppress(Refused):
-                self.gate.hold.release(lease, self.session, cause if cause in RELEASE_CAUSES else "released")
+                self.gate.hold.release(lease, self.session, cause if cause in CAUSES else "released")
 
     def let_go(self) -> None:
         """The page is gone: what it held stops."""

@@ -16,23 +16,22 @@ export const identity = () => crypto.randomUUID?.() ?? Array.from(crypto.getRand
 
 // ---- nonces: one is fetched when a button goes down, so that no command ever fails for an old one ----------------------------------
 
-let waiting = null;
+let waiting = null, stops = 0;
 
 /** Have a nonce ready for the click that follows. */
-export function prepare() {
-  waiting ??= { at: performance.now(), nonce: fetchNonce() };
-}
+export const prepare = () => { waiting ??= { at: performance.now(), nonce: fetchNonce() }; };
 
 async function fetchNonce() {
   const got = await answered("/nonce", { limit: 3000 });
   return got?.ok ? JSON.parse(got.text).nonce : "";
 }
 
-/** A nonce that is good now; each is used once. */
+/** A nonce that is good now; each is used once. None when a Stop came since it was asked for: what was pressed before it is not carried out. */
 export async function nonce() {
-  const held = waiting;
+  const held = waiting, before = stops;
   waiting = null;
-  return held && performance.now() - held.at < 4000 ? (await held.nonce) || fetchNonce() : fetchNonce();
+  const got = (held && performance.now() - held.at < 4000 && (await held.nonce)) || (await fetchNonce());
+  return stops === before ? got : "";
 }
 
 // ---- answers ------------------------------------------------------------------------------------------------------------------------
@@ -368,13 +367,13 @@ function settle(form, got, value) {
 /** Show `element`: the card of a value at its field, everything else as a dialog. Both close by themselves, as cancelled. */
 function ask(element, near) {
   document.dispatchEvent(new Event("pogon:dialog"));
-  const field = element.matches("[data-card]") && near?.matches?.("[data-setpoint]") ? near : null;
-  element.field = field;
+  const field = element.field = element.matches("[data-card]") && near?.matches?.("[data-setpoint]") ? near : null;
   const place = field && review(field);
   let began = performance.now();
   const closes = element.querySelector("[data-closes]");
   element.addEventListener("input", () => { [began] = [performance.now(), hint(element, "")]; }); // who types is still there
   const timer = setInterval(() => {
+    if (!element.isConnected) return clearInterval(timer); // another card took its place
     const left = ASK - (performance.now() - began);
     if (closes) closes.textContent = closes.dataset.closes.replace("{n}", Math.max(0, Math.ceil(left / 1000)));
     if (left > 0) return;
@@ -402,8 +401,9 @@ document.addEventListener("invalid", (event) => {
   target.focus();
 }, true);
 
-/** A stop, whoever gave it, is the answer to every open question about the machine. */
+/** A stop, whoever gave it, is the answer to every open question about the machine, and to every press whose nonce is still on its way. */
 function withdraw(machine) {
+  [waiting, stops] = [null, stops + 1];
   for (const asked of document.querySelectorAll("[data-ask]")) if (machineOf(asked) === machine) asked.cancel?.();
 }
 

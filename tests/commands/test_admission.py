@@ -76,6 +76,20 @@ async def test_a_command_six_seconds_late_is_refused_and_a_stop_is_not() -> None
     assert (await stand.ask(ANA, "stop", nonce=nonce)).state is ProgressState.ACCEPTED
 
 
+async def test_what_was_pressed_before_a_stop_is_not_carried_out_after_it() -> None:
+    """The start was on its way for longer than the Stop: the motor stays where the Stop has brought it."""
+    stand = Stand()
+    stand.gate.control.take(ANA, "m1")
+    nonce = stand.gate.nonces.issue(ANA.session)
+    await stand.pass_time(0.2)
+    assert (await stand.ask(IVO, "stop")).state is ProgressState.ACCEPTED
+    await stand.pass_time(0.5)
+    late = await refusal(stand, ANA, "forward", nonce=nonce)
+    assert (late.reason, late.status) == ("why.stopped_since", 409)
+    assert ("command", 1.0) not in stand.link.sent()
+    assert (await stand.ask(ANA, "forward")).state is ProgressState.ACCEPTED  # a press after it is one
+
+
 async def test_a_flood_is_cut_and_leaves_few_lines_while_stop_goes_through() -> None:
     stand = Stand()
     stand.gate.control.take(ANA, "m1")

@@ -124,6 +124,17 @@ async def test_a_closed_tab_a_sign_out_and_a_shutdown_stop_it() -> None:
         assert len(stand.commands) == (1 if end == "shutdown" else 0)
 
 
+@pytest.mark.parametrize("cause", ["released", "closed", "left", "hidden", "dialog", "offline", "longest", "both"])
+async def test_why_a_page_let_go_is_what_the_trail_says(cause: str) -> None:
+    """Also that somebody pressed something else meanwhile, or held for too long by the clock of the page."""
+    stand = Stand()
+    pressed = await Pressed(stand).arm()
+    await pressed.hold(0.6)
+    stand.gate.hold.release(pressed.lease, ANA.session, cause)
+    await stand.pass_time(4)
+    assert stand.commands[0].reason == f"hold.cause.{cause}"
+
+
 async def test_nobody_holds_longer_than_thirty_seconds() -> None:
     stand = Stand()
     pressed = await Pressed(stand).arm()

@@ -49,6 +49,17 @@ def test_every_state_is_a_line_without_a_key_in_it(state: ProgressState, lang: s
     assert "fb." not in line and "why." not in line and "command." not in line
 
 
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_a_motion_that_was_not_let_go_says_what_ended_it(lang: str) -> None:
+    """Whoever still holds the button has read why once; the line that comes when the machine stands takes that away no more."""
+    cut = words(lang).tell(progress(ProgressState.CONFIRMED, ended=ASKED, reason="hold.cause.permissive"))
+    assert f": {TEXTS.text(lang, 'hold.cause.permissive')} · " in cut.text
+    assert cut.kind == "info"
+    released = words(lang).tell(progress(ProgressState.CONFIRMED, ended=ASKED, reason="hold.cause.released"))
+    assert TEXTS.text(lang, "hold.cause.released") not in released.text
+    assert released.kind == "done"
+
+
 def test_the_kind_of_the_line_is_how_it_ended() -> None:
     kinds = {state: words().tell(progress(state, ended=ASKED)).kind for state in ProgressState}
     assert {state for state, kind in kinds.items() if kind == "done"} == {

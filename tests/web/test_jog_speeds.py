@@ -80,3 +80,12 @@ def test_only_engineers_have_them_and_only_drives_with_a_positioner(people: Staf
     assert 'id="jog-speeds"' in drawn(people, "/equipment/a1")
     assert people.client.get("/equipment/zz/jog-speeds").status_code == 404
     assert people.post(PATH, {"p2585": " ", "p2586": ""}).status_code == 422
+
+
+def test_nothing_typed_is_told_on_a_page_that_leads_back_to_the_machine(people: Staff) -> None:
+    people.have(people.ivana)  # type: ignore[attr-defined]
+    people.client.cookies.set("pogon_lang", "en")
+    answer = people.post(PATH, {"p2585": " ", "p2586": ""})
+    assert answer.status_code == 422
+    assert "Required field: Jog speeds" in answer.text
+    assert 'class="btn tap" href="/equipment/a1"' in answer.text
