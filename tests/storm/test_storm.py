@@ -112,6 +112,10 @@ def nothing(*_: object, **__: object) -> list[Any]:
     return []
 
 
+def ever(*_: object, **__: object) -> float:
+    return float("inf")
+
+
 def never_back(self: Evaluation, watch: Watch, active: bool, *rest: Any, **more: Any) -> None:
     if active:
         TURN(self, watch, active, *rest, **more)
@@ -139,7 +143,7 @@ HOLD = at(2.0, "hold", who="ana", machine="m2", number=0, how="ends", seconds=3.
         ),
         pytest.param(
             "app.commands.nonce.Nonces.use",
-            nothing,
+            ever,
             few("m1", press(2.0, "m1", 0, twice=True)),
             "orders_are_of_who_may",
             id="two orders are sent with one nonce",
