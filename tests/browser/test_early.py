@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Request, expect
 
 from tests.browser.station import Sit, hold_back, let_go, origin, serving, small, stopped, take, wait_for
 from tests.conftest import PogonServer
@@ -21,9 +21,14 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
 
 @contextmanager
 def slow(page: Page, script: str) -> Iterator[list[str]]:
-    """The page again, on a line on which one script comes only at the end of the block; what it posts meanwhile and afterwards."""
+    """The page again, on a line on which one script comes only at the end of the block; what it asks of machines then and afterwards."""
     posted: list[str] = []
-    page.on("request", lambda one: posted.append(one.url.split("/", 3)[3]) if one.method == "POST" else None)
+
+    def note(one: Request) -> None:
+        if one.method == "POST" and "/equipment/" in one.url:  # and not that somebody is there
+            posted.append(one.url.split("/", 3)[3])
+
+    page.on("request", note)
     held = hold_back(page, f"**/js/{script}.*.js")
     page.reload(wait_until="commit")
     wait_for(page, held, 1)
