@@ -40,6 +40,8 @@ IN_ORDER, CABLE_PULLED, SLOW, REFUSES = (
     for mode, delay in (("0", "0"), ("1", "0"), ("2", "150"), ("7", "0"))
 )
 """What becomes of the line of a machine."""
+REASON = "[aria-disabled=true]:not(:has([data-why]))"
+"""A command that cannot be pressed, and says why."""
 UNSAID = """(words) => { // what is said of a Stop beside it and in the message line, each of which is seen
   const said = [document.querySelector('.op > .stop small'), document.querySelector('#message')];
   return said.filter((one) => !one.checkVisibility({ visibilityProperty: true }) || getComputedStyle(one).clipPath === 'inset(50%)'
@@ -99,10 +101,10 @@ def each_sent(page: Page, lang: str) -> Iterator[tuple[str, set[str]]]:
         open_page(page, f"{origin(page)}/equipment/{machine}")
         take(page)
         sent = ready(page, machine, key)
+        before, why = places(page, f"{machine}.{key}"), reasons(page, shown(page, machine))
         instruct(page, f"{machine}/line", **SLOW)
-        before = places(page, f"{machine}.{key}")
         sent.click()
-        keep_while_it_says(page, machine, busy(lang))
+        keep_while_it_says(page, machine, busy(lang), why)
         yield f"{machine}.{key}", before
         page.unroute_all()
         instruct(page, f"{machine}/line", **IN_ORDER)
@@ -145,14 +147,60 @@ def test_while_a_command_is_sent_nothing_moves_from_under_a_finger(plant: Page, 
     assert moved == [], "\n".join(["", *moved])
 
 
-def keep_while_it_says(page: Page, machine: str, words: str) -> None:
-    """Wait until commands of the machine say these `words`; the page on which they are is answered so from then on."""
-    url, end = f"{origin(page)}/equipment/{machine}/commands", time.monotonic() + 10
-    while words not in (text := page.request.get(url, max_retries=1).text()):
-        assert time.monotonic() < end, page.inner_text("#message")
-    page.route(url, lambda route: route.fulfill(body=text, content_type="text/html; charset=utf-8"))
+def test_why_a_motor_cannot_run_moves_nothing_under_it(plant: Page) -> None:
+    """On a desk each direction says so in the room that it has: the frequency and what else is pressed stand where they stood."""
+    page, moved = plant, []
+    for lang in LANGUAGES:
+        speak(page, lang, origin(page))
+        open_page(page, f"{origin(page)}/equipment/m1")
+        take(page)
+        before = under_the_directions(page)
+        instruct(page, "m1/line", **REFUSES)
+        expect(page.locator(".op-run .cmd" + REASON)).to_have_count(2, timeout=30_000)
+        moved += [f"{lang} {one}" for one in sorted(under_the_directions(page) ^ before)]
+        instruct(page, "m1/line", **IN_ORDER)
+        expect(page.locator(".op-run .cmd" + REASON)).to_have_count(0, timeout=30_000)
+    assert moved == [], "\n".join(["", *moved])
+
+
+def under_the_directions(page: Page) -> set[str]:
+    """Where on a desk stands what is pressed while a way to run is chosen; but for the directions."""
+    return {
+        one
+        for one in places(page, "m1.reverse")
+        if one.startswith(("panel run", "low run")) and "m1.forward" not in one
+    }
+
+
+def keep_while_it_says(page: Page, machine: str, words: str, why: set[str]) -> None:
+    """Wait until commands of the machine say these `words`, and otherwise what they said before; the page is answered so from then on."""
+    end = time.monotonic() + 10
+    while words not in (text := shown(page, machine)) or reasons(page, text) != why:
+        assert time.monotonic() < end, f"{page.inner_text('#message')}; {reasons(page, text)}, before {why}"
+    page.route(commands(page, machine), lambda route: route.fulfill(body=text, content_type="text/html; charset=utf-8"))
     page.evaluate("htmx.trigger(document.querySelector('[data-operation]'), 'again')")
     expect(page.locator(".op .cmd[aria-disabled=true] small", has_text=words).first).to_be_attached()
+
+
+def commands(page: Page, machine: str) -> str:
+    """Where the page of the machine asks for its commands again."""
+    return f"{origin(page)}/equipment/{machine}/commands"
+
+
+def shown(page: Page, machine: str) -> str:
+    """The commands of the machine as they are drawn now."""
+    return page.request.get(commands(page, machine), max_retries=1).text()
+
+
+def reasons(page: Page, text: str) -> set[str]:
+    """Why commands drawn so cannot be pressed; that another is being sent is none of them."""
+    return set(
+        page.evaluate(
+            f"""(text) => [...new DOMParser().parseFromString(text, 'text/html').querySelectorAll('.cmd{REASON}')].map(
+      (one) => `${{one.dataset.command}}: ${{one.textContent.trim()}}`)""",
+            text,
+        )
+    )
 
 
 def press_another(page: Page, words: str) -> None:
