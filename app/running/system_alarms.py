@@ -66,8 +66,9 @@ def tell_of_server(
 def tell_of_certificate(alarms: AlarmEngine, end: int | None, now: int) -> None:
     """A certificate of this server that ends soon, or has ended; `end` is that of the one that it uses [µs UTC], None = it has none."""
     if end is not None:
-        day = to_datetime(end).date().isoformat()
-        alarms.system.report("certificate_ends", active=end - now < CERTIFICATE_SOON, params={"time": day})
+        soon = end - now < CERTIFICATE_SOON
+        day = {"time": to_datetime(end).date().isoformat()} if soon else {}
+        alarms.system.report("certificate_ends", active=soon, params=day)
 
 
 def tell_of_task(alarms: AlarmEngine, task: SupervisedTask) -> None:

@@ -294,9 +294,8 @@ async def _ask(request: Request, operation: Operation, key: str, *, value: bool 
         "language": language_of(request),
     }
     try:
-        if form["password"] and not gate.why_not(
-            person, operation.id, key
-        ):  # a hash, 0.2 s of a processor, for no refusal
+        # A hash is 0.2 s of a processor: what is refused anyway is not worth it.
+        if form["password"] and not gate.why_not(person, operation.id, key):
             access = people_access(request)
             await access.own.confirm(person, form["password"])
             given["proven"] = True

@@ -148,11 +148,11 @@ function drop() {
   fresh = false;
   if (old) { old.onclose = old.onmessage = old.onopen = null; old.close(); }
   const pause = Math.min(PAUSES[Math.min(tries++, PAUSES.length - 1)] * (0.75 + Math.random() / 2), 5000);
-  clearTimeout(retry);
   retry = setTimeout(open, pause);
 }
 
 function open() {
+  document.querySelector(".off-re").hidden = false; // nobody else tries
   clearTimeout(retry);
   const here = new WebSocket(location.origin.replace(/^http/, "ws") + "/live");
   socket = here;

@@ -258,7 +258,7 @@ function pointers() {
     if (pinch && down.size < 2) pinch = null;
     else if (drag && event.type === "pointerup") {
       if (drag.zooms && drag.moved) look(...[drag.at, timeAt(event)].sort((m, n) => m - n));
-      else if (!drag.moved) moveRuler(rulerOf(snapped(timeAt(event))), snapped(timeAt(event)));
+      else if (!drag.moved) { const at = snapped(timeAt(event)); moveRuler(rulerOf(at), at); }
     }
     drag = null;
     box?.remove();

@@ -152,6 +152,7 @@ def test_a_page_whose_scripts_never_come_looks_disconnected_and_still_stops(sit:
     page.reload(wait_until="commit")
     expect(page.locator(".offline")).to_be_visible()
     expect(page.locator("[data-offline-age]")).to_have_text(re.compile(r"^\d\d:\d\d:\d\d$"))
+    expect(page.locator(".off-re")).to_be_hidden()  # nobody tries
     page.unroute_all()
     with page.expect_request(lambda one: one.method == "POST" and one.url.endswith("/equipment/m1/stop")):
         page.locator(".zone .stop").click(no_wait_after=True)

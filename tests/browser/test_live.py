@@ -738,6 +738,7 @@ def test_a_killed_server_is_noticed_within_three_seconds_and_found_again(
     live(page, "offline", 6)
     assert page.evaluate("window.times.offline") - killed <= 3100
     expect(page.locator(".offline")).to_be_visible()
+    expect(page.locator(".off-re")).to_be_visible()
     expect(page.locator(".st.when-online")).to_be_hidden()
     pogon_server(plant=plant, data=server.data, port=server.port)
     live(page, "live", 8)
