@@ -122,9 +122,15 @@ def test_a_note_is_a_flag_on_the_curves_and_a_line_in_the_list(sit: Sit) -> None
     flags = page.evaluate("() => document.querySelector('[data-canvas]').chart.notes")
     assert [flag["number"] for flag in flags] == ["1"]
     assert abs(flags[0]["at"] - time.time_ns() // 1000) < 60 * SECOND
+    new = {name: page.locator(f"#trend-notes .t-note-new [name={name}]") for name in ("text", "time", "machine")}
+    new["text"].fill("Belt slips")
+    new["time"].fill("2026-01-02 03:04:05")
+    new["machine"].select_option("m1")
     line.locator("form button").click()
     expect(line).to_have_count(0)
     assert page.evaluate("() => document.querySelector('[data-canvas]').chart.notes") == []
+    kept = [one.input_value() for one in new.values()]
+    assert kept == ["Belt slips", "2026-01-02 03:04:05", "m1"]  # what is typed is no note yet, and not what was deleted
 
 
 def test_flags_are_those_of_the_range_that_one_looks_at(sit: Sit) -> None:
