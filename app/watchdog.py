@@ -23,7 +23,9 @@ LIMIT = 30
 END_LIMIT = 12.0
 """A server that is told to end and has not done so by then is ended [s]: whoever told it, such as systemd, waits for 15 s."""
 ENDED = 70
-"""Exit code of a process that was ended: EX_SOFTWARE of sysexits.h."""
+"""Exit code of a process that hung: EX_SOFTWARE of sysexits.h. Whatever started it starts it again."""
+CUT_SHORT = 75
+"""Exit code of one that was told to end and could not in time: EX_TEMPFAIL. Whoever told it does not want it back."""
 TELLING = 1.0
 """For the line in the log, which whoever hangs may hold up [s]."""
 
@@ -48,7 +50,7 @@ def cut_short() -> None:
     telling = Thread(target=_tell_cut, daemon=True)
     telling.start()
     telling.join(TELLING)
-    os._exit(ENDED)
+    os._exit(CUT_SHORT)
 
 
 def _tell_cut() -> None:

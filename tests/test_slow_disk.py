@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from app import chance
+from app.watchdog import CUT_SHORT
 from tests.conftest import ROOT, PogonServer, clean, enroll, find_port, wait_healthy
 from tests.test_killed_audit import Program, ids, opened, tokens
 
@@ -24,7 +25,7 @@ slow = Path(os.environ["SLOW"])
 
 def wait():
     if slow.exists():
-        time.sleep(4)
+        time.sleep(float(slow.read_text()))
 
 def committed(connection):
     if connection.connection.dbapi_connection.in_transaction:  # it has written something
@@ -43,7 +44,7 @@ main()
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[PogonServer]:
-    """A server whose disk is slow while the file `slow` is there."""
+    """A server each of whose writes takes as many seconds as the file `slow` says, while that is there."""
     data, port, output = tmp_path / "data", find_port(), tmp_path / "pogon.log"
     enroll(data, {"ana": ["operator", "engineer"]}, "tri plave ladice u kutu")
     given = {"POGON_DATA": str(data), "POGON_PORT": str(port), "PYTHONPATH": str(ROOT), "SLOW": str(tmp_path / "slow")}
@@ -65,7 +66,7 @@ def test_a_slow_disk_is_told_stop_goes_out_and_the_end_comes_in_time(
     (secret,) = tokens(server.data)
     wait_healthy(server)
     program = Program(server, secret, "m1")
-    (tmp_path / "slow").touch()
+    (tmp_path / "slow").write_text("4")
     stop, asked = chance.token_hex(16), time.monotonic()
     status, _ = program.ask("/stop", id=stop)
     assert status == 200 and time.monotonic() - asked < 2
@@ -83,3 +84,18 @@ def test_a_slow_disk_is_told_stop_goes_out_and_the_end_comes_in_time(
     assert stop in ids(server.data)
     with opened(server.data) as access:
         assert access.audit.check_now().ok
+
+
+@pytest.mark.slow
+@pytest.mark.real_time
+def test_who_ends_a_server_whose_disk_stands_still_does_not_get_it_back(server: PogonServer, tmp_path: Path) -> None:
+    (secret,) = tokens(server.data)
+    wait_healthy(server)
+    (tmp_path / "slow").write_text("600")
+    told = time.monotonic()
+    assert Program(server, secret, "m1").ask("/stop", id=chance.token_hex(16))[0] == 200
+    server.process.terminate()
+    assert server.process.wait(3 * UNIT_LIMIT) == CUT_SHORT
+    assert time.monotonic() - told < UNIT_LIMIT + 5
+    unit = (ROOT / "packaging" / "pogon.service").read_text("utf-8")
+    assert re.search(rf"^RestartPreventExitStatus=.*\b{CUT_SHORT}\b", unit, re.MULTILINE)
