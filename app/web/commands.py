@@ -208,7 +208,8 @@ async def arm(request: Request, key: str, command: str) -> Response:
     except Question as question:
         return _question(request, operation, form, command, question)
     except Refused as error:
-        return _answered(request, operation, form, operation.words.refusal(error), "error", error.status)
+        why = operation.words.refusal(error)
+        return _answered(request, operation, form, operation.about(command, why), "error", error.status, hint=why)
     return JSONResponse({"lease": lease})
 
 
@@ -310,15 +311,17 @@ async def _ask(request: Request, operation: Operation, key: str, *, value: bool 
         return _question(request, operation, form, key, question)
     except Refused as error:
         without_script = not wants_fragment(request) and not form["nonce"] and error.reason in BY_SCRIPT
+        why = operation.equipment.text("operate.needs_script") if without_script else operation.words.refusal(error)
         return _answered(
             request,
             operation,
             form,
-            operation.equipment.text("operate.needs_script") if without_script else operation.words.refusal(error),
+            operation.about(key, why),
             "error",
             error.status,
             key,
             field=_field_of(error),
+            hint=why,
             told=error.reason == "why.changed",
         )
     story = operation.words.tell(progress)
@@ -349,11 +352,13 @@ def _answered(
     progress: Progress | None = None,
     *,
     field: str = "",
+    hint: str = "",
     told: bool = False,
 ) -> Response:
     """The line for the operator with the column anew; a form without script goes back to its page, or reads why not.
 
-    `field` is what of the form is wrong. `told`: the line says what the setpoint is now, so who sends again knows; as after any write.
+    `field` is what of the form is wrong, `hint` what is said beside it where `text` says more than that.
+    `told`: the line says what the setpoint is now, so who sends again knows; as after any write.
     """
     view = view_of(request)
     if not wants_fragment(request):
@@ -373,6 +378,7 @@ def _answered(
         at=fresh.words.time(operation.runtime.clock.micros()),
         key=key,
         field=field,
+        hint=hint if hint != text else "",
         elsewhere=True,
     )
     if progress is not None:
@@ -397,8 +403,9 @@ def _question(
     """What the gate asks back: a dialog, or for a value the card with now and new."""
     params = question.params
     if "argument" in params:  # the field stays; the person writes it so that it means one thing
-        text = operation.words.refusal(question)
-        return _answered(request, operation, form, text, "error", 422, key, field=_field_of(question))
+        why = operation.words.refusal(question)
+        text = operation.about(key, why)
+        return _answered(request, operation, form, text, "error", 422, key, field=_field_of(question), hint=why)
     machine = operation.equipment
     commands = machine.equipment.type.commands
     command = commands.get(key)

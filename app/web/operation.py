@@ -117,6 +117,12 @@ class Operation(Needs):
         """What the message line says of the machine: a page may show several, or another one than is in its head."""
         return f"{self.id.upper()}: {text}"
 
+    def about(self, key: str, text: str) -> str:
+        """What the message line says of the command or the setpoint `key` of the machine, as it says what became of one."""
+        view = self.equipment.commands.get(key)
+        label = view.label if view else self.equipment.point(key).label if self.equipment.has(key) else ""
+        return f"{self.id.upper()} {label}: {text}" if label else text
+
     @property
     def url(self) -> str:
         """Address of the machine."""

@@ -44,7 +44,7 @@ export function take(answer, near) {
   if (line) {
     const kind = line.dataset.kind ?? (answer.ok ? "info" : "error");
     (line.dataset.time ? told : window.pogon.say)(line.textContent.trim(), kind, line.dataset.time);
-    if (kind === "error" && near) hint(near, line.textContent.trim(), line.dataset.field);
+    if (kind === "error" && near) hint(near, line.dataset.hint ?? line.textContent.trim(), line.dataset.field);
   }
   const asks = inside.querySelector("[data-ask]");
   if (asks) ask(document.importNode(asks, true), near);

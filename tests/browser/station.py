@@ -22,6 +22,11 @@ LANGUAGES = ("hr", "en", "de", "cs")
 SIZES = {"panel": (1280, 800), "small": (800, 480), "phone": (390, 844)}
 NO_ANSWER = [Texts.read().text(lang, "link.error.no_answer") for lang in LANGUAGES]
 PEOPLE = {"ivana": ("engineer", "operator"), "ivo": ("operator",)}
+HEARD = """() => { // all that the message line says from now on; it is still known when the page is another
+  const line = document.getElementById('message');
+  const hear = () => { sessionStorage.said = `${sessionStorage.said ?? ''}${line.innerText}\\n`; };
+  new MutationObserver(hear).observe(line, { childList: true, subtree: true, characterData: true });
+}"""
 
 
 @contextmanager

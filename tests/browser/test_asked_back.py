@@ -49,7 +49,7 @@ def test_what_asked_before_takes_no_focus_from_another_field(sit: Sit) -> None:
     page.press(TARGET, "Enter")
     expect(page.locator(".review-form")).to_have_count(0)
     refused = Texts.read().text("en", "why.not_a_number").format(text="nothing")
-    expect(page.locator("#message span")).to_have_text(refused)
+    expect(page.locator("#message span")).to_have_text(f"A1 Set target position: {refused}")
     page.focus(VELOCITY)
     page.clock.fast_forward(31_000)
     page.clock.run_for(1_000)

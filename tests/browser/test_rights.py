@@ -8,16 +8,11 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.plant.texts import Texts
-from tests.browser.station import LANGUAGES, PASSWORD, Sit, origin, serving, small, take
+from tests.browser.station import HEARD, LANGUAGES, PASSWORD, Sit, origin, serving, small, take
 from tests.conftest import PogonServer
 
 WHO, HOME = "", "/equipment/m2"
 OPERATORS = ("ivo", "eva", "jan", "ada")
-HEARD = """() => { // all that the message line says from now on; it is still known when the page is another
-  const line = document.getElementById('message');
-  const hear = () => { sessionStorage.said = `${sessionStorage.said ?? ''}${line.innerText}\\n`; };
-  new MutationObserver(hear).observe(line, { childList: true, subtree: true, characterData: true });
-}"""
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.plant.texts import Texts
-from tests.browser.station import LANGUAGES, Sit, hold_back, serving, small, take, wait_for
+from tests.browser.station import HEARD, LANGUAGES, Sit, hold_back, serving, small, take, wait_for
 from tests.conftest import PogonServer
 
 WHO, HOME = "ana", "/equipment/m1"
@@ -23,6 +23,7 @@ def begin(page: Page) -> None:
     """Have control of a machine that takes commands."""
     take(page)
     expect(page.locator("[data-command$='.forward']").first).not_to_have_attribute("aria-disabled", "true")
+    page.evaluate(HEARD)
 
 
 def stop(page: Page) -> None:
@@ -31,8 +32,11 @@ def stop(page: Page) -> None:
         page.click(".op > .stop")
 
 
-def refused(lang: str) -> str:
-    return Texts.read().text(lang, "why.expired")
+def tells(page: Page, command: str, lang: str) -> None:
+    """Wait until the page has told that the command is not carried out; what became of Stop may be told over it at once."""
+    label = page.locator(f"[data-command='{command}'] .cmd-t").evaluate("one => one.firstChild.textContent.trim()")
+    told = f"M1 {label}: {Texts.read().text(lang, 'why.expired')}"
+    page.wait_for_function("(told) => sessionStorage.said?.includes(told)", arg=told)
 
 
 @pytest.mark.parametrize("lang", LANGUAGES)
@@ -47,7 +51,7 @@ def test_a_start_whose_nonce_comes_after_a_stop_is_not_carried_out(sit: Sit, lan
         stop(page)
         held[0].continue_()
     assert answer.value.status == 410
-    expect(page.locator("#message span")).to_have_text(refused(lang))
+    tells(page, "m1.forward", lang)
     expect(forward).to_have_attribute("data-state", "idle")
 
 
@@ -68,7 +72,7 @@ def test_what_was_confirmed_before_a_stop_is_not_carried_out_after_it(sit: Sit) 
         stop(page)
         held[0].continue_()
     assert answer.value.status == 410
-    expect(page.locator("#message span")).to_have_text(refused("en"))
+    tells(page, "m1.reverse", "en")
 
 
 def test_a_button_that_is_held_before_its_lease_comes_does_not_move_after_a_stop(sit: Sit) -> None:

@@ -12,7 +12,7 @@ from app.runtime import Runtime
 from tests.virtual import until
 from tests.web.people import Staff
 
-__all__ = ["Answer", "Operator", "button", "line_of", "runtime_of", "until", "words"]
+__all__ = ["Answer", "Operator", "button", "line_of", "runtime_of", "until", "whole_line_of", "words"]
 Answer = Any
 
 
@@ -62,7 +62,13 @@ class Operator:
 
 
 def line_of(answer: Answer) -> str:
-    """The line for the operator."""
+    """The sentence for the operator, without the name of the command or the setpoint that it is about."""
+    hint = re.search(r'<p[^>]*data-message[^>]*data-hint="([^"]*)"', answer.text, re.S)
+    return words(hint[1]) if hint else whole_line_of(answer)
+
+
+def whole_line_of(answer: Answer) -> str:
+    """The line for the operator as the message line shows it."""
     found = re.search(r"<p[^>]*data-message[^>]*>(.*?)</p>", answer.text, re.S)
     return words(found[1]) if found else ""
 

@@ -13,7 +13,7 @@ from app.access.audit.search import Filter
 from app.sim.sinamics.adjustment import STATE
 from app.sim.sinamics.adjustment import State as Adjusted
 from app.sim.training import REG_MACHINE_FAULT
-from tests.web.operating import Operator, button, line_of, runtime_of, until, words
+from tests.web.operating import Operator, button, line_of, runtime_of, until, whole_line_of, words
 from tests.web.people import BOSS, Staff
 
 LANGUAGES = ("hr", "en", "de", "cs")
@@ -142,6 +142,28 @@ def test_without_the_control_token_a_command_is_423_and_says_so_on_the_button(an
     assert line_of(answer) == "Take control first"
     assert "Take control first" in words(button(answer, "m1.forward"))
     assert 'aria-disabled="true"' not in button(answer, "m1.stop")
+
+
+@pytest.mark.parametrize("machine", ["m1", "c1", "cc1", "seq1", "cr1", "a1"])
+def test_what_is_refused_is_named_with_its_machine(ana: Operator, machine: str) -> None:
+    """Every command, and every setpoint that is written by itself: the message line stands far from what was pressed."""
+    runtime = runtime_of(ana.staff.client)
+    assert runtime.plant
+    item = runtime.plant.equipment[machine]
+    asked = {
+        f"command/{key}": command.label
+        for key, command in item.type.commands.items()
+        if not (command.stop or command.hold)
+    }
+    asked |= {f"setpoint/{key}": item.type.points[key].label for key in item.type.setpoints}
+    assert asked
+    for path, label in asked.items():
+        answer = ana.press(f"/equipment/{machine}/{path}", argument="1", confirmed="1")
+        line = whole_line_of(answer)
+        assert answer.status_code >= 400 and line.startswith(
+            f"{machine.upper()} {words(runtime.texts.of_type('en', item.type, label))}: "
+        ), (path, line)
+        assert line.endswith(f": {line_of(answer)}") and line_of(answer)
 
 
 def test_two_operators_and_one_machine(staff: Staff, ana: Operator, ivo: Operator) -> None:
