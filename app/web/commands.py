@@ -403,9 +403,9 @@ def _question(
     """What the gate asks back: a dialog, or for a value the card with now and new."""
     params = question.params
     if "argument" in params:  # the field stays; the person writes it so that it means one thing
-        why = operation.words.refusal(question)
-        text = operation.about(key, why)
-        return _answered(request, operation, form, text, "error", 422, key, field=_field_of(question), hint=why)
+        said = operation.words.refusal(question)
+        text = operation.about(key, said)
+        return _answered(request, operation, form, text, "error", 422, key, field=_field_of(question), hint=said)
     machine = operation.equipment
     commands = machine.equipment.type.commands
     command = commands.get(key)
