@@ -25,7 +25,7 @@
     });
   });
   setTimeout(() => {
-    if (document.body?.dataset.live !== "delayed") return;
+    if (document.body?.dataset.live !== "delayed" || !document.querySelector(".off-re").hidden) return; // who reconnects says the rest
     document.querySelector("[data-offline-age]").textContent = document.querySelector("[data-clock]").textContent;
     document.body.dataset.live = "offline";
   }, ALONE);

@@ -152,7 +152,7 @@ function drop() {
 }
 
 function open() {
-  document.querySelector(".off-re").hidden = false; // nobody else tries
+  document.querySelector(".off-re")?.removeAttribute("hidden"); // nobody else tries
   clearTimeout(retry);
   const here = new WebSocket(location.origin.replace(/^http/, "ws") + "/live");
   socket = here;

@@ -1,6 +1,7 @@
 """What somebody does on a page whose scripts are still on their way is done once they are there: no press is in vain, none counts twice."""
 
 import re
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -171,3 +172,26 @@ def test_stop_does_not_wait_for_any_script(sit: Sit, script: str) -> None:
         page.locator(".zone .stop").click(no_wait_after=True)
     page.unroute_all(behavior="ignoreErrors")  # what follows is another page
     expect(page.locator("body")).to_have_attribute("data-live", "live")
+
+
+@pytest.mark.parametrize("age", [1_000, 1_500, 2_000])
+def test_a_server_that_is_lost_soon_after_a_page_came_is_lost_like_any_other(
+    sit: Sit, server: PogonServer, age: int
+) -> None:
+    """The page is so many milliseconds old: when it is four seconds old nobody takes it for one whose scripts never came."""
+    page = sit(path="/equipment/m1")
+    take(page)
+    page.reload()
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
+    page.wait_for_function("(age) => performance.now() > age", arg=age)
+    server.process.send_signal(signal.SIGSTOP)
+    try:
+        expect(page.locator("body")).to_have_attribute("data-live", "offline", timeout=10_000)
+        expect(page.locator("[data-command='m1.coast'] small")).to_have_text("No connection")
+        expect(page.locator("[data-command='m1.coast']")).to_have_attribute("aria-disabled", "true")
+    finally:
+        server.process.send_signal(signal.SIGCONT)
+    expect(page.locator("body")).to_have_attribute("data-live", "live", timeout=30_000)
+    expect(page.locator("[data-command='m1.coast']")).not_to_have_attribute("aria-disabled", "true")
+    sit.complaints[:] = [one for one in sit.complaints if "closed before the connection is established" not in one]
+    let_go(page)
