@@ -4,7 +4,7 @@
   const KINDS = ["click", "input", "change", "toggle", "submit"], LATE = 3000, ALONE = 4000; // [ms]
   const OWN = "a[href], label, summary, input, select, textarea, .stop, button:not([type=button], [data-command])";
   const LED = "[data-setpoint], [data-order], :is([hx-get], [hx-post]):not([action])"; // forms that nobody but a script can send
-  let waiting = []; // in the order in which they came; of presses the last alone
+  let waiting = [], doing = 0; // in the order in which they came, of presses the last alone; the timer that does them once all scripts are there
   function wait(event) {
     const { target, type } = event;
     if (!(target instanceof Element) || (type === "submit" ? !target.matches(LED) : type === "click" && target.closest(OWN))) return;
@@ -15,7 +15,7 @@
   for (const kind of KINDS) document.addEventListener(kind, wait, true);
   addEventListener("DOMContentLoaded", () => {
     for (const kind of KINDS) document.removeEventListener(kind, wait, true);
-    setTimeout(() => {
+    doing = setTimeout(() => {
       for (const event of waiting) {
         const { target, type, submitter, timeStamp } = event, late = performance.now() - timeStamp > LATE || target.closest("[data-hold]");
         if (late && ["click", "submit"].includes(type)) window.pogon?.say(document.getElementById("message").dataset.tooLate, "error"); // nobody expects it any more
@@ -25,7 +25,7 @@
     });
   });
   setTimeout(() => {
-    if (document.body?.dataset.live !== "delayed" || !document.querySelector(".off-re").hidden) return; // who reconnects says the rest
+    if (document.body?.dataset.live !== "delayed" || (doing && !document.querySelector(".off-re").hidden)) return; // who reconnects says the rest
     document.querySelector("[data-offline-age]").textContent = document.querySelector("[data-clock]").textContent;
     document.body.dataset.live = "offline";
   }, ALONE);

@@ -195,3 +195,11 @@ def test_a_server_that_is_lost_soon_after_a_page_came_is_lost_like_any_other(
     expect(page.locator("[data-command='m1.coast']")).not_to_have_attribute("aria-disabled", "true")
     sit.complaints[:] = [one for one in sit.complaints if "closed before the connection is established" not in one]
     let_go(page)
+
+
+def test_a_page_one_of_whose_scripts_hangs_looks_disconnected_until_it_comes(sit: Sit) -> None:
+    """Nothing is drawn before all are there: what it shows is of the moment in which it was made."""
+    page = sit(path="/equipment/m1")
+    with slow(page, "commands"):
+        expect(page.locator("body")).to_have_attribute("data-live", "offline", timeout=15_000)
+    expect(page.locator(".offline")).to_be_hidden()
